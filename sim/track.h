@@ -3,6 +3,7 @@
 
 #include <absl/status/statusor.h>
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
 
 #include <algorithm>
 #include <array>
@@ -53,12 +54,15 @@ absl::StatusOr<std::unique_ptr<Environment>> MakeOf(const TrackConfig& config,
 }
 
 // A SimulatedTrack::readings: what `of` makes of the track's facts and of the number of steps, 1 at
-// least. Empty if the facts are of another track.
+// least, and the mean effort. Empty if the facts are of another track.
 template <typename Facts, auto of>
 std::vector<Reading> ReadingsOf(const EpisodeFacts& episode) {
   const auto* facts = std::get_if<Facts>(&episode.track);
   if (facts == nullptr) return {};
-  return of(*facts, static_cast<double>(std::max<int64_t>(episode.steps, 1)));
+  const auto steps = static_cast<double>(std::max<int64_t>(episode.steps, 1));
+  std::vector<Reading> readings = of(*facts, steps);
+  readings.push_back({"mean effort", absl::StrFormat("%.4f", facts->effort_sum / steps)});
+  return readings;
 }
 
 // A SimulatedTrack::telemetry: a TelemetryOf. REQUIRES: an environment of its class.
@@ -81,14 +85,11 @@ class TelemetryOf : public Telemetry {
   // As Sample.
   virtual std::array<double, std::size(curves)> Values() const = 0;
 
-  const mjModel& model() const { return base().model(); }
-  const mjData& data() const { return base().data(); }
+  const mjModel& model() const { return environment_.model(); }
+  const mjData& data() const { return environment_.data(); }
   double Effort() const { return MuscleEffort(model(), data()); }
 
   const Env& environment_;
-
- private:
-  const Environment& base() const { return environment_; }
 };
 
 }  // namespace myograde::sim

@@ -48,8 +48,7 @@ class BallTelemetry final : public TelemetryOf<BaodingEnvironment, kSeries> {
 
 std::vector<Reading> Readings(const BaodingFacts& facts, double steps) {
   return {{"mean distance", absl::StrFormat("%.3f m", facts.distance_sum / steps)},
-          {"solved", absl::StrFormat("%d steps", facts.solved_steps)},
-          {"mean effort", absl::StrFormat("%.4f", facts.effort_sum / steps)}};
+          {"solved", absl::StrFormat("%d steps", facts.solved_steps)}};
 }
 
 }  // namespace

@@ -40,11 +40,10 @@ class ChaseTelemetry final : public TelemetryOf<ChaseTagEnvironment, kSeries> {
   TargetEvents target_;
 };
 
-std::vector<Reading> Readings(const ChaseTagFacts& facts, double steps) {
+std::vector<Reading> Readings(const ChaseTagFacts& facts, double) {
   return {{"task", facts.evades ? "evade" : "chase"},
           {"off the opponent", absl::StrFormat("%.2f m", facts.final_distance)},
-          {"nearest", absl::StrFormat("%.2f m", facts.smallest_distance)},
-          {"mean effort", absl::StrFormat("%.4f", facts.effort_sum / steps)}};
+          {"nearest", absl::StrFormat("%.2f m", facts.smallest_distance)}};
 }
 
 }  // namespace

@@ -50,17 +50,15 @@ class ElbowTelemetry final : public TelemetryOf<ElbowEnvironment, kSeries> {
   std::array<double, std::size(kSeries)> Values() const override {
     const ElbowEnvironment::Official now = environment_.official();
     const double target = environment_.target();
-    const mjData& data = this->data();
-    return {Degrees(data.qpos[0]), Degrees(target), Degrees(-now.pose), -now.act_reg};
+    return {Degrees(data().qpos[0]), Degrees(target), Degrees(-now.pose), -now.act_reg};
   }
 
   TargetEvents target_;
 };
 
-std::vector<Reading> Readings(const ElbowFacts& facts, double steps) {
+std::vector<Reading> Readings(const ElbowFacts& facts, double) {
   return {{"target", absl::StrFormat("%.3f rad", facts.target_angle)},
-          {"error", absl::StrFormat("%.3f rad", facts.final_error)},
-          {"mean effort", absl::StrFormat("%.4f", facts.effort_sum / steps)}};
+          {"error", absl::StrFormat("%.3f rad", facts.final_error)}};
 }
 
 }  // namespace

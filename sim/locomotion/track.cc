@@ -66,8 +66,7 @@ std::vector<Reading> Readings(const LocomotionFacts& facts, double steps) {
   const auto course = static_cast<size_t>(facts.course);
   return {{"course", course < kCourses.size() ? kCourses[course] : "-"},
           {"distance", absl::StrFormat("%.1f m", facts.distance)},
-          {"mean pain", absl::StrFormat("%.4f", facts.pain_sum / steps)},
-          {"mean effort", absl::StrFormat("%.4f", facts.effort_sum / steps)}};
+          {"mean pain", absl::StrFormat("%.4f", facts.pain_sum / steps)}};
 }
 
 }  // namespace

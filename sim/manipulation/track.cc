@@ -89,11 +89,10 @@ class HandoverTelemetry final : public TelemetryOf<ManipulationEnvironment, kSer
   double peak_time_ = 0;  // s
 };
 
-std::vector<Reading> Readings(const ManipulationFacts& facts, double steps) {
+std::vector<Reading> Readings(const ManipulationFacts& facts, double) {
   return {{"to the goal", absl::StrFormat("%.3f m", facts.final_goal_distance)},
           {"highest lift", absl::StrFormat("%.3f m", facts.max_height)},
-          {"peak force", absl::StrFormat("%.1f N", facts.peak_force)},
-          {"mean effort", absl::StrFormat("%.4f", facts.effort_sum / steps)}};
+          {"peak force", absl::StrFormat("%.1f N", facts.peak_force)}};
 }
 
 }  // namespace

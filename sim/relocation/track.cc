@@ -37,11 +37,10 @@ class ObjectTelemetry final : public TelemetryOf<RelocationEnvironment, kSeries>
   TargetEvents target_;
 };
 
-std::vector<Reading> Readings(const RelocationFacts& facts, double steps) {
+std::vector<Reading> Readings(const RelocationFacts& facts, double) {
   return {{"off the goal", absl::StrFormat("%.3f m", facts.final_position_error)},
           {"off the palm", absl::StrFormat("%.3f m", facts.final_reach)},
-          {"solved", absl::StrFormat("%d steps", facts.solved_steps)},
-          {"mean effort", absl::StrFormat("%.4f", facts.effort_sum / steps)}};
+          {"solved", absl::StrFormat("%d steps", facts.solved_steps)}};
 }
 
 }  // namespace

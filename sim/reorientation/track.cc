@@ -45,11 +45,10 @@ class DieTelemetry final : public TelemetryOf<ReorientationEnvironment, kSeries>
   TargetEvents target_;
 };
 
-std::vector<Reading> Readings(const ReorientationFacts& facts, double steps) {
+std::vector<Reading> Readings(const ReorientationFacts& facts, double) {
   return {{"off its place", absl::StrFormat("%.3f m", facts.final_position_error)},
           {"still to turn", absl::StrFormat("%.2f rad", facts.final_rotation_error)},
-          {"solved", absl::StrFormat("%d steps", facts.solved_steps)},
-          {"mean effort", absl::StrFormat("%.4f", facts.effort_sum / steps)}};
+          {"solved", absl::StrFormat("%d steps", facts.solved_steps)}};
 }
 
 }  // namespace

@@ -1,8 +1,6 @@
 // The models as loaded: sizes, patches, the cache and its errors.
 #include "sim/model/model.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -10,6 +8,9 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
 
 #include "protocol/tracks/locomotion/track.h"
 #include "protocol/tracks/manipulation/track.h"

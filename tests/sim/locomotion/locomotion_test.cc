@@ -1,15 +1,16 @@
 // The environment as the episode loop sees it: actions, observation, sets,
 // repeatability and faults of the simulation.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
+#include "sim/locomotion/environment.h"
 
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
 #include "protocol/bridge/leg_sets_json.h"
 #include "protocol/tracks/locomotion/track.h"
-#include "sim/locomotion/environment.h"
 #include "sim/locomotion/track.h"
 #include "tests/sim/golden.h"
 #include "tests/sim/locomotion/allocations.h"
