@@ -15,6 +15,7 @@
 #include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
+#include <absl/strings/str_join.h>
 #include <absl/strings/str_replace.h>
 #include <absl/strings/strip.h>
 
@@ -61,13 +62,13 @@ int64_t MemoryBytes(const char* key) {
 
 std::string GiB(double bytes) { return absl::StrFormat("%.1f GiB", bytes / kGiB); }
 
-size_t CompiledModels(const std::string& cache_dir) {
+std::set<std::string> CompiledModels(const std::string& cache_dir) {
   std::error_code error;
-  size_t count = 0;
+  std::set<std::string> names;
   for (const auto& entry : fs::directory_iterator(cache_dir + "/models", error)) {
-    if (entry.path().extension() == ".mjb") ++count;
+    if (entry.path().extension() == ".mjb") names.insert(entry.path().filename().string());
   }
-  return count;
+  return names;
 }
 
 // Physical cores: processors that are not another core's second thread; 0: unknown.
@@ -314,9 +315,13 @@ Check CheckModels(const DoctorOptions& options) {
                    absl::StrReplaceAll(WhyItFailed(end), {{scratch->path(), options.cache_dir}}),
                    kNoSimulation, HowToSetUp());
   }
-  const std::string found = "every source file has its SHA-256, and both tracks' models compile";
-  if (CompiledModels(options.cache_dir) >= 2) return Fine(name, found);
-  return Poorer(name, absl::StrCat(found, "; none is compiled in ", options.cache_dir),
+  const std::string found = "every source file has its SHA-256, and every track's model compiles";
+  std::set<std::string> lacking = CompiledModels(scratch->path());
+  for (const std::string& model : CompiledModels(options.cache_dir)) lacking.erase(model);
+  if (lacking.empty()) return Fine(name, found);
+  return Poorer(name,
+                absl::StrCat(found, "; ", options.cache_dir, "/models lacks ",
+                             absl::StrJoin(lacking, ", ")),
                 "each lease compiles its model, which takes about a second",
                 absl::StrCat("myograde-sim --compile-models ", options.cache_dir));
 }
