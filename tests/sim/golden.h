@@ -1,4 +1,4 @@
-// What the golden tests of both tracks share: finding and reading the golden
+// What the golden tests of the tracks share: finding and reading the golden
 // files, and a table of the largest differences seen.
 //
 //   for (const GoldenFile& file : GoldenFiles()) {

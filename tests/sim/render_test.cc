@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
+#include <map>
+#include <memory>
 #include <numbers>
 #include <set>
 #include <string>
@@ -34,17 +36,22 @@ using Picture = std::vector<uint8_t>;
 
 class PicturesOf : public testing::Test {
  protected:
+  // At the start of an episode. Mesa compiles for each renderer, so a track's tests share one.
   void Make(const SimulatedTrack& track) {
     track_ = &track;
-    const auto config = OfficialConfig(track);
-    ASSERT_TRUE(config.ok()) << config.status();
-    auto environment = MakeEnvironment(*config, CacheDir());
-    ASSERT_TRUE(environment.ok()) << environment.status();
-    environment_ = *std::move(environment);
+    Made& made = made_[&track];
+    if (made.renderer == nullptr) {
+      const auto config = OfficialConfig(track);
+      ASSERT_TRUE(config.ok()) << config.status();
+      auto environment = MakeEnvironment(*config, CacheDir());
+      ASSERT_TRUE(environment.ok()) << environment.status();
+      auto renderer = Renderer::Make((*environment)->model(), kWidth, kHeight);
+      ASSERT_TRUE(renderer.ok()) << renderer.status();
+      made = {*std::move(environment), *std::move(renderer)};
+    }
+    environment_ = made.environment.get();
+    renderer_ = made.renderer.get();
     environment_->Reset(7);
-    auto renderer = Renderer::Make(environment_->model(), kWidth, kHeight);
-    ASSERT_TRUE(renderer.ok()) << renderer.status();
-    renderer_ = *std::move(renderer);
   }
 
   Picture Draw(const CameraView& view) {
@@ -64,8 +71,15 @@ class PicturesOf : public testing::Test {
   }
 
   const SimulatedTrack* track_ = nullptr;
-  std::unique_ptr<Environment> environment_;
-  std::unique_ptr<Renderer> renderer_;
+  Environment* environment_ = nullptr;
+  Renderer* renderer_ = nullptr;
+
+ private:
+  struct Made {
+    std::unique_ptr<Environment> environment;
+    std::unique_ptr<Renderer> renderer;
+  };
+  static inline std::map<const SimulatedTrack*, Made> made_;
 };
 
 class Pictures : public PicturesOf, public testing::WithParamInterface<const SimulatedTrack*> {
