@@ -12,6 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "protocol/base/file.h"
+#include "protocol/base/json_templates.h"  // the files are large, and tests are compiled without optimization
 
 namespace myograde::sim {
 namespace {
