@@ -27,10 +27,10 @@ namespace fs = std::filesystem;
 // A flood is read in slices, between other work.
 constexpr int kReadsPerDrain = 16;
 constexpr size_t kQuotedBytes = 300;
-// So few sockets can't hold much. Beyond that, their bytes are counted a few times a second, as it
-// takes the kernel a while.
+// So few sockets can't hold much. Beyond that, their bytes are counted some fifteen times a second: the
+// kernel has to list them, and episodes that end at once must not be over before.
 constexpr int64_t kFewSockets = 32;
-constexpr int64_t kSamplesPerCount = 10;
+constexpr int64_t kSamplesPerCount = 3;
 // Time for the sandbox to end by itself, as its own exit says more than our kill.
 constexpr absl::Duration kLastMoments = absl::Milliseconds(300);
 
