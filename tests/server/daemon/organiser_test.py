@@ -14,7 +14,7 @@ import urllib.parse
 from support.client import Connection, exchange
 from daemon_test import SOURCE, DaemonCase
 from support.schemas import validate
-from support.waiting import wait_until
+from support.waiting import stay_within_a_day, wait_until
 
 TRACK = "demo-manipulation"
 
@@ -55,6 +55,10 @@ class OrganiserCase(DaemonCase):
 
 
 class Quotas(OrganiserCase):
+    def setUp(self):
+        super().setUp()
+        stay_within_a_day(90)
+
     def test_cancelling_says_what_stays_charged(self):
         running = self.submit("slow")
         self.wait(f"/v1/submissions/{running}", lambda b: b["episodes"]["done"] >= 1)

@@ -16,6 +16,7 @@ import urllib.parse
 from organiser_test import TRACK, OrganiserCase
 from support.client import Connection
 from support.submission import played_by_stand_in
+from support.waiting import stay_within_a_day
 
 
 def quoted(name):
@@ -96,6 +97,7 @@ class Teams(PeopleCase):
         self.assertIn("uid 4002", self.cli("team", "list").stdout)
 
     def test_a_merge_shows_what_it_does_and_counts_both(self):
+        stay_within_a_day(60)
         for team, submissions in (("alpha", 2), ("beta", 1)):
             for number in range(submissions):
                 self.played("ok", team, **({"seeds": [101, 102]} if number else {}))
