@@ -16,7 +16,7 @@ import sys
 from roff import from_markdown, items, page, roff
 
 sys.path.append(str(pathlib.Path(__file__).resolve().parents[2] / "server/docs"))
-from help import DEADLINE_S, HEADINGS, Help, helps_below  # noqa: E402
+from help import DEADLINE_S, HEADINGS, help_of, helps_below  # noqa: E402
 
 def parts_of(helps):
     parts = []
@@ -56,10 +56,10 @@ def one_line(text):
 
 
 def program_page(command, name, section, day, see):
-    helps = Help(command)
+    helps = help_of(*command)
     text = roff(helps.summary)
     parts = [("SYNOPSIS", ".B " + roff(helps.usage)), ("DESCRIPTION", text), *parts_of(helps)]
-    for words, inner in helps_below(command) if len(command) > 1 else []:
+    for words, inner in helps_below(*command) if len(command) > 1 else []:
         body = f".B {roff(inner.usage)}\n.PP\n{roff(inner.summary)}\n"
         for section_of, entries in ((x, inner.entries(x)) for x in ("Positionals", "Options")):
             if entries:
@@ -233,8 +233,8 @@ def main():
     shutil.rmtree(output, ignore_errors=True)
     stamp = date_of(source)
     program = str(programs / "myograde")
-    top = Help([program])
-    tree = {" ".join(words): helps for words, helps in helps_below([program])}
+    top = help_of(program)
+    tree = {" ".join(words): helps for words, helps in helps_below(program)}
     verbs = top.verbs()
     pages = {f"man1/myograde-{verb}.1": program_page([program, verb], f"myograde-{verb}", 1, stamp,
                                                      [("myograde", 1), ("myograded", 8)])

@@ -1,6 +1,7 @@
 """What programs print for --help, in its parts: manual pages, completions and the site's list of commands are
 made of it."""
 
+import functools
 import pathlib
 import re
 import subprocess
@@ -53,9 +54,15 @@ class Help:
         return [name for name, _ in self.entries("Subcommands")]
 
 
-def helps_below(command):
+@functools.cache
+def help_of(*command):
+    """The Help of a program or verb, asked for once."""
+    return Help(command)
+
+
+def helps_below(*command):
     """The words of each verb below a program or verb, and what it prints for --help."""
-    for verb in Help(command).verbs():
-        yield [verb], Help([*command, verb])
-        for words, inner in helps_below([*command, verb]):
+    for verb in help_of(*command).verbs():
+        yield [verb], help_of(*command, verb)
+        for words, inner in helps_below(*command, verb):
             yield [verb, *words], inner

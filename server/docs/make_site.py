@@ -21,7 +21,7 @@ import subprocess
 import sys
 import tempfile
 
-from help import Help, helps_below
+from help import helps_below
 
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.append(str(HERE.parent / "api/openapi"))
@@ -113,7 +113,7 @@ def commands_page(program):
         return "| " + " | ".join(word.replace("|", "\\|") for word in words) + " |"
 
     lines = ["# Commands", "", "What `myograde VERB --help` prints, for every verb.", ""]
-    for words, shown in helps_below([program]):
+    for words, shown in helps_below(program):
         lines += [f"{'#' * (1 + len(words))} `{' '.join(words)}`", "",
                   html.escape(shown.summary, quote=False) + ".", "", "```sh", shown.usage, "```", ""]
         entries = [entry for section in ("Positionals", "Options") for entry in shown.entries(section)

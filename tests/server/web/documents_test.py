@@ -72,8 +72,8 @@ def setUpModule():
         raise AssertionError(done.stdout + done.stderr)
 
 
-def make(out, *words):
-    return subprocess.run([PYTHON, "-B", MAKE, out, "--program", BIN / "myograde", *words], capture_output=True, text=True,
+def make(out, *words, program=BIN / "myograde"):
+    return subprocess.run([PYTHON, "-B", MAKE, out, "--program", program, *words], capture_output=True, text=True,
                           timeout=300, check=False)
 
 
@@ -148,6 +148,9 @@ class Site(unittest.TestCase):
         return tree
 
     def test_a_wrong_page_or_link_ends_the_build_with_its_name(self):
+        without_verbs = ROOT / "without-verbs"  # answers at once
+        without_verbs.write_text("#!/bin/sh\necho 'Does nothing.'\necho 'Usage: none'\n")
+        without_verbs.chmod(0o755)
         for page, text, said in (
                 ("policies/new.md", "# New\n", "say in server/docs/site.json whom it is for"),
                 ("README.md", "# Tour\n[away](nowhere.md)\n", "nowhere.md"),
@@ -158,7 +161,7 @@ class Site(unittest.TestCase):
             with self.subTest(said=said):
                 tree = self.copy()
                 (tree / page).write_text(text)
-                done = make(tree / "out", VERSION, "--source", tree)
+                done = make(tree / "out", VERSION, "--source", tree, program=without_verbs)
                 self.assertEqual(done.returncode, 1, done.stdout + done.stderr)
                 self.assertIn(said, done.stderr)
                 self.assertFalse((tree / "out").exists())
