@@ -36,7 +36,8 @@ using Picture = std::vector<uint8_t>;
 
 class PicturesOf : public testing::Test {
  protected:
-  // At the start of an episode. Mesa compiles for each renderer, so a track's tests share one.
+  // At the start of an episode. Mesa compiles for each renderer, so a track's tests share one; the best
+  // pictures take thrice the time of fast ones, so only one track's are.
   void Make(const SimulatedTrack& track) {
     track_ = &track;
     Made& made = made_[&track];
@@ -45,7 +46,8 @@ class PicturesOf : public testing::Test {
       ASSERT_TRUE(config.ok()) << config.status();
       auto environment = MakeEnvironment(*config, CacheDir());
       ASSERT_TRUE(environment.ok()) << environment.status();
-      auto renderer = Renderer::Make((*environment)->model(), kWidth, kHeight);
+      const Quality quality = &track == OneTrack() ? Quality::kBest : Quality::kFast;
+      auto renderer = Renderer::Make((*environment)->model(), kWidth, kHeight, quality);
       ASSERT_TRUE(renderer.ok()) << renderer.status();
       made = {*std::move(environment), *std::move(renderer)};
     }
@@ -53,6 +55,8 @@ class PicturesOf : public testing::Test {
     renderer_ = made.renderer.get();
     environment_->Reset(7);
   }
+
+  static const SimulatedTrack* OneTrack() { return &SimulatedTracks().back(); }
 
   Picture Draw(const CameraView& view) {
     Picture rgb(static_cast<size_t>(kWidth) * kHeight * 3);
@@ -90,7 +94,7 @@ class Pictures : public PicturesOf, public testing::WithParamInterface<const Sim
 // What does not depend on the track.
 class PicturesOfOneTrack : public PicturesOf {
  protected:
-  void SetUp() override { Make(SimulatedTracks().back()); }
+  void SetUp() override { Make(*OneTrack()); }
 };
 
 size_t Colours(const Picture& rgb) {
