@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <optional>
 #include <set>
 
@@ -112,24 +113,15 @@ absl::StatusOr<Leaderboard> MakeLeaderboard(const std::vector<StandingRow>& stan
   const Sorted sorted = Sort(standings, marks, board);
   ASSIGN_OR_RETURN(const std::vector<RankedEntry> ranked,
                    scoring::Rank(sorted.ranked, rules, team));
-  // By place, then by acceptance, so that baselines at the same place have a fixed order.
-  std::vector<std::pair<size_t, BoardEntry>> baselines;
+  // By the number of ranked rows above. A ranked row stands below the baselines with as many, which
+  // are in the order of their acceptance.
+  std::map<std::pair<size_t, int64_t>, RankedEntry> rows;
+  for (size_t i = 0; i < ranked.size(); ++i) rows[{i, INT64_MAX}] = ranked[i];
   for (const BoardEntry& baseline : sorted.baselines) {
     ASSIGN_OR_RETURN(std::optional<size_t> place, PlaceOf(baseline, ranked, rules, team));
-    if (place.has_value()) baselines.emplace_back(*place, baseline);
+    if (place.has_value()) rows[{*place, baseline.acceptance}].entry = baseline;
   }
-  std::sort(baselines.begin(), baselines.end(), [](const auto& a, const auto& b) {
-    return std::pair(a.first, a.second.acceptance) < std::pair(b.first, b.second.acceptance);
-  });
-  auto next = baselines.begin();
-  for (size_t i = 0; i <= ranked.size(); ++i) {
-    for (; next != baselines.end() && next->first == i; ++next) {
-      RankedEntry unranked;
-      unranked.entry = next->second;
-      AddRow(sorted, unranked, rules, board);
-    }
-    if (i < ranked.size()) AddRow(sorted, ranked[i], rules, board);
-  }
+  for (const auto& [place, row] : rows) AddRow(sorted, row, rules, board);
   return board;
 }
 
