@@ -32,14 +32,8 @@ std::optional<double> Optional(const Json& json, std::string_view key) {
   return value.is_number() ? std::optional(value.get<double>()) : std::nullopt;
 }
 
-Json MeanOrNull(const scoring::Mean& mean) { return mean.count == 0 ? Json() : Json(mean.value); }
-
 Json SpreadToJson(const scoring::Spread& spread) {
   return {{"deviation", spread.deviation}, {"low", spread.low}, {"high", spread.high}};
-}
-
-Json SpreadOrNull(const scoring::Mean& mean) {
-  return mean.count == 0 ? Json() : SpreadToJson(mean.spread);
 }
 
 // The metrics of a judged episode, null where the episode has none.
@@ -132,8 +126,9 @@ nlohmann::json AggregateToJson(const scoring::ScoredTrack& track,
   Json spread = {{"success_rate", SpreadToJson(aggregate.success_spread)}};
   for (size_t i = 0; i < track.metrics.size(); ++i) {
     const std::string name(track.metrics[i].name);
-    json[name] = MeanOrNull(aggregate.means.at(i));
-    if (track.metrics[i].spread) spread[name] = SpreadOrNull(aggregate.means[i]);
+    const scoring::Mean& mean = aggregate.means.at(i);
+    json[name] = mean.count == 0 ? Json() : Json(mean.value);
+    if (track.metrics[i].spread) spread[name] = mean.count == 0 ? Json() : SpreadToJson(mean.spread);
   }
   for (const std::string_view key : track.null_means) json[std::string(key)] = nullptr;
   for (const std::string_view key : track.null_spreads) spread[std::string(key)] = nullptr;
