@@ -1,5 +1,6 @@
 #include "server/grading/tracks.h"
 
+#include <algorithm>
 #include <set>
 #include <utility>
 
@@ -85,10 +86,7 @@ absl::StatusOr<Tracks> Tracks::Load(const std::string& dir) {
 namespace {
 
 // Those that the file names and nothing ranks, and free ones for the rest.
-std::vector<uint64_t> PracticeBeside(const TrackConfig& config,
-                                     const std::map<uint64_t, std::string>& ranked) {
-  std::set<uint64_t> taken;
-  for (const auto& [seed, unused] : ranked) taken.insert(seed);
+std::vector<uint64_t> PracticeBeside(const TrackConfig& config, std::set<uint64_t> taken) {
   std::vector<uint64_t> practice = config.practice_seeds;
   const size_t count = practice.empty() ? config.seeds.size() : practice.size();
   std::erase_if(practice, [&](uint64_t seed) { return taken.contains(seed); });
@@ -101,19 +99,18 @@ std::vector<uint64_t> PracticeBeside(const TrackConfig& config,
 
 }  // namespace
 
-std::shared_ptr<const Tracks::Offer> Tracks::MakeOffer(const std::map<std::string, Entry>& named) {
-  auto offer = std::make_shared<Offer>(Offer{named, {}});
+std::shared_ptr<const Tracks::Offer> Tracks::MakeOffer(const Offer& named) {
+  std::map<const TrackKind*, std::set<uint64_t>> ranked;
   for (const auto& [name, entry] : named) {
     for (const auto& [profile, track] : entry.profiles) {
-      for (const uint64_t seed : track->config.seeds) {
-        offer->ranked[track->config.kind->name].try_emplace(seed, name);
-      }
+      ranked[track->config.kind].insert(track->config.seeds.begin(), track->config.seeds.end());
     }
   }
-  for (auto& [name, entry] : offer->entries) {
+  auto offer = std::make_shared<Offer>(named);
+  for (auto& [name, entry] : *offer) {
     for (auto& [profile, track] : entry.profiles) {
       TrackConfig config = track->config;
-      config.practice_seeds = PracticeBeside(config, offer->ranked[config.kind->name]);
+      config.practice_seeds = PracticeBeside(config, ranked[config.kind]);
       track = std::make_shared<const Track>(Track{std::move(config), track->scoring});
     }
   }
@@ -125,7 +122,7 @@ std::shared_ptr<const Tracks::Offer> Tracks::offer() const {
   return shelf_->offer;
 }
 
-std::map<std::string, Tracks::Entry> Tracks::entries() const { return offer()->entries; }
+std::map<std::string, Tracks::Entry> Tracks::entries() const { return *offer(); }
 
 absl::Status Tracks::Replace(const TrackPtr& track) {
   const TrackConfig& config = track->config;
@@ -153,18 +150,21 @@ absl::Status Tracks::Replace(const TrackPtr& track) {
 
 std::string Tracks::RankedBy(const TrackKind& kind, uint64_t seed) const {
   const std::shared_ptr<const Offer> now = offer();
-  const auto of_kind = now->ranked.find(kind.name);
-  if (of_kind == now->ranked.end()) return "";
-  const auto found = of_kind->second.find(seed);
-  return found == of_kind->second.end() ? "" : found->second;
+  for (const auto& [name, entry] : *now) {
+    for (const auto& [profile, track] : entry.profiles) {
+      const std::vector<uint64_t>& seeds = track->config.seeds;
+      if (track->config.kind == &kind && std::ranges::find(seeds, seed) != seeds.end()) return name;
+    }
+  }
+  return "";
 }
 
 absl::StatusOr<TrackPtr> Tracks::Find(const std::string& track, const std::string& profile) const {
   const std::shared_ptr<const Offer> now = offer();
-  const auto entry = now->entries.find(track);
-  if (entry == now->entries.end()) {
+  const auto entry = now->find(track);
+  if (entry == now->end()) {
     return WithErrorCode(absl::NotFoundError(absl::StrCat("there is no track \"", track,
-                                                          "\"; known: ", Keys(now->entries))),
+                                                          "\"; known: ", Keys(*now))),
                          "unknown_track");
   }
   const std::string& wanted = profile.empty() ? entry->second.default_profile : profile;

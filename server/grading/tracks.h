@@ -5,7 +5,6 @@
 #include <map>
 #include <memory>
 #include <string>
-#include <string_view>
 
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
@@ -63,20 +62,16 @@ class Tracks {
 
  private:
   // What is offered at one time. Never changes.
-  struct Offer {
-    std::map<std::string, Entry> entries;
-    // Of each environment, by its name, the ranked seeds, and a track that ranks them.
-    std::map<std::string_view, std::map<uint64_t, std::string>> ranked;
-  };
+  using Offer = std::map<std::string, Entry>;
   struct Shelf {
     Mutex mutex;
     // The configs with the practice seeds that their files name, and what is made of them.
-    std::map<std::string, Entry> named ABSL_GUARDED_BY(mutex);
+    Offer named ABSL_GUARDED_BY(mutex);
     std::shared_ptr<const Offer> offer ABSL_GUARDED_BY(mutex);
   };
 
-  // Finds what the configs rank, and gives them practice seeds beside that.
-  static std::shared_ptr<const Offer> MakeOffer(const std::map<std::string, Entry>& named);
+  // Gives the configs practice seeds beside those that any of the same environment ranks.
+  static std::shared_ptr<const Offer> MakeOffer(const Offer& named);
   std::shared_ptr<const Offer> offer() const;
 
   std::unique_ptr<Shelf> shelf_ = std::make_unique<Shelf>();  // a mutex can't be moved
