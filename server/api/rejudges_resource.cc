@@ -1,5 +1,6 @@
 #include "server/api/resources.h"
 
+#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <string>
@@ -125,7 +126,10 @@ absl::StatusOr<Json> BoardChanges(const Transaction& reader, const Track& from, 
                                   std::vector<Damage>& damaged) {
   ASSIGN_OR_RETURN(const Leaderboard before, BoardOrEmpty(reader, from, name, moments.first));
   ASSIGN_OR_RETURN(const Leaderboard after, BoardOrEmpty(reader, to, name, moments.second));
-  damaged.insert(damaged.end(), after.damaged.begin(), after.damaged.end());
+  // What can't be read is missing on every board.
+  for (const Damage& damage : after.damaged) {
+    if (std::ranges::find(damaged, damage) == damaged.end()) damaged.push_back(damage);
+  }
   int64_t moved = 0;
   Json rows = CompareBoards(before, after, moved);
   const bool stays = to.scoring.boards.contains(name);

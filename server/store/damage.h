@@ -24,6 +24,8 @@ struct Damage {
   std::string table;
   std::string key;   // its primary key; the parts of a composite key are joined by "/"
   std::string what;  // what is wrong, to complete a sentence: `its "state" is ...`
+
+  bool operator==(const Damage&) const = default;
 };
 
 // "evaluation 7 of the store can't be read: ...".

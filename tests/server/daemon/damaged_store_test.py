@@ -1,6 +1,7 @@
 """How the API and the tool report unreadable rows of the store. damage_test covers that everything
 else goes on."""
 
+import json
 import os
 import signal
 import sqlite3
@@ -132,6 +133,22 @@ class DamagedStore(OrganiserCase):
         # Not even if the row's own hash follows: the record has it, too.
         self.damage(f"UPDATE evaluation SET results_hash = '{'0' * 64}' WHERE id = {evaluation}")
         self.refused("GET", f"/v1/submissions/{first}/receipt", table="evaluation")
+
+    def test_a_rejudge_names_once_what_its_boards_lack(self):
+        first, second = self.played("ok"), self.played("ok", team="beta")
+        rules = self.folder / "rules.json"
+        rules.write_text(json.dumps({"extends": TRACK, "scoring": {"boards": {"second": {
+            "line_successes": 50, "line_episodes": 100, "bands": "time", "band_factor": 1.1,
+            "ties": "time"}}}}))
+        number = self.ask("board", "rejudge", "create", "--track", TRACK, "--config", rules,
+                          "--reason", "a second board", "--wait")["rejudge"]
+        self.damage(f"UPDATE submission SET accepted_by = CAST(x'ff' AS TEXT) WHERE id = {first}")
+        changes = self.get(f"/v1/rejudges/{number}?changes=1")
+        self.assertEqual([board["board"] for board in changes["boards"]], ["main", "second"])
+        for board in changes["boards"]:
+            self.assertEqual([row["after"]["submission"] for row in board["rows"]], [second])
+        self.assertEqual([(row["table"], row["key"]) for row in changes["unreadable"]],
+                         [("submission", str(first))])
 
     def test_a_damaged_evaluation_is_left_out_of_the_feed(self):
         first, second = self.played("ok"), self.played("ok", team="beta")
