@@ -231,7 +231,6 @@ absl::StatusOr<BoardSource> SourceOf(const Transaction& reader, const Track& tra
                     .team = team->name,
                     .artefact_name = stored.ok() ? stored->artefact_name : "",
                     .standing = std::move(standings[result->evaluation]),
-                    .finished_at = result->at,
                     .chosen = chosen.contains(submission),
                     .rejudge = result->rejudge};
     absl::Status filled = stored.status();

@@ -207,7 +207,6 @@ struct StandingRow {
   std::string team;
   std::string artefact_name;
   Standing standing;  // aggregate_json is empty until the view has it
-  int64_t finished_at = 0;
   bool chosen = false;  // by its team, where teams choose
   int64_t rejudge = 0;  // whose evaluation it is; 0: it is the original
 };
