@@ -133,7 +133,7 @@ void AddFreeze(const Transaction& reader, const ApiContext& context, absl::Time 
                BoardQuery& asked) {
   const PhaseConfig* phase = context.phases.ConfigOf(asked.track->config.phase);
   if (phase == nullptr) return;
-  const PhaseStatus status = StatusOfPhase(*phase, reader.Board().PhaseEvents(phase->name), now);
+  const PhaseStatus status = StatusOfPhase(*phase, reader.Board(), now);
   const bool ever = phase->freezes != absl::InfiniteFuture();
   if (!ever || status.published || status.revealed) return;
   asked.freezes = phase->freezes;

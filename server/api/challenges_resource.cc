@@ -17,16 +17,14 @@
 namespace myograde::server {
 namespace {
 
-using Events = std::vector<PhaseEventRow>;
-
 // Null for a time that never comes, or always was.
 Json MomentToJson(absl::Time time) {
   if (time == absl::InfinitePast() || time == absl::InfiniteFuture()) return nullptr;
   return TimeToJson(absl::ToUnixMillis(time));
 }
 
-Json PauseToJson(const std::optional<PhaseEventRow>& pause) {
-  if (!pause.has_value()) return nullptr;
+Json PauseToJson(const PhaseEventRow* pause) {
+  if (pause == nullptr) return nullptr;
   return {{"reason", pause->why}, {"at", TimeToJson(pause->at)}, {"all", pause->phase.empty()}};
 }
 
@@ -45,10 +43,10 @@ Json PublicSeeds(const Transaction& reader, const Phase& phase, bool revealed) {
 }
 
 Json PhaseToJson(const Transaction& reader, const ApiContext& context, const Phase& phase,
-                 const Events& events, const PhaseUse& use) {
+                 const PhaseUse& use) {
   const PhaseConfig& config = phase.config;
   const TrackConfig& track = phase.track->config;
-  const PhaseStatus status = StatusOfPhase(config, events, context.clock.Now());
+  const PhaseStatus status = StatusOfPhase(config, reader.Board(), context.clock.Now());
   const AdmissionRules rules = PhaseRules(config, context.config.quota.of(config.track));
   const QuotaLimits& limits = rules.quota;
   return {{"phase", config.name},
@@ -86,21 +84,9 @@ Json PhaseToJson(const Transaction& reader, const ApiContext& context, const Pha
           {"config", track.hash}};
 }
 
-// The pause of all submissions that is in force; null: none.
-Json PauseOfAll(const Events& events) {
-  std::optional<PhaseEventRow> pause;
-  for (const PhaseEventRow& event : events) {
-    if (!event.phase.empty()) continue;
-    if (event.event == kPausedEvent) pause = event;
-    if (event.event == kResumedEvent) pause = std::nullopt;
-  }
-  return PauseToJson(pause);
-}
-
 ApiResult ListChallenges(const ApiContext& context, const Transaction& reader,
                          const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
-  const Events events = reader.Board().PhaseEvents(std::nullopt);
   ASSIGN_OR_RETURN(std::vector<PhaseUse> listed, reader.phases.InUse());
   std::map<std::string, PhaseUse> uses;
   for (PhaseUse& use : listed) uses.emplace(use.phase, std::move(use));
@@ -111,7 +97,7 @@ ApiResult ListChallenges(const ApiContext& context, const Transaction& reader,
       const absl::StatusOr<PhasePtr> phase = context.phases.Find(config.name);
       if (!phase.ok()) continue;  // it is among the unusable
       const auto use = uses.find(config.name);
-      phases.push_back(PhaseToJson(reader, context, **phase, events,
+      phases.push_back(PhaseToJson(reader, context, **phase,
                                    use == uses.end() ? PhaseUse() : use->second));
     }
     challenges.push_back(
@@ -136,7 +122,7 @@ ApiResult ListChallenges(const ApiContext& context, const Transaction& reader,
   }
   return ApiAnswer{200,
                    {{"now", TimeToJson(absl::ToUnixMillis(context.clock.Now()))},
-                    {"paused", PauseOfAll(events)},
+                    {"paused", PauseToJson(reader.Board().Phase("").Pause())},
                     {"challenges", std::move(challenges)},
                     {"former_phases", std::move(former)},
                     {"unusable", std::move(unusable)}}};
@@ -197,10 +183,10 @@ ApiResult ActOnPhase(const ApiContext& context, const std::string& phase, const 
   ASSIGN_OR_RETURN(const bool changed, ChangeStore(context, add));
   Json state;
   if (config != nullptr) {
-    ASSIGN_OR_RETURN(const Events events, ReadStore(context, [&](const Transaction& reader) {
-      return reader.Board().PhaseEvents(phase);
+    ASSIGN_OR_RETURN(const PhaseState now, ReadStore(context, [&](const Transaction& reader) {
+      return StatusOfPhase(*config, reader.Board(), context.clock.Now()).state;
     }));
-    state = PhaseStateName(StatusOfPhase(*config, events, context.clock.Now()).state);
+    state = PhaseStateName(now);
   }
   NoteAct(phase.empty() ? "all submissions" : absl::StrCat("phase ", phase), event);
   return ApiAnswer{200,

@@ -166,15 +166,14 @@ void RedactRow(Json& row, const View& view) {
 
 PhaseVisibility KnownOf(const Transaction& reader, const ApiContext& context,
                    const std::string& phase) {
-  PhaseVisibility known = {.shown = kUnknownPhaseVisibility, .committed = true};
+  const PhaseHistory& history = reader.Board().Phase(phase);
+  PhaseVisibility known = {.shown = kUnknownPhaseVisibility,
+                           .published = history.Has(kPublishedEvent),
+                           .committed = true,
+                           .revealed = history.Has(kRevealedEvent)};
   if (const PhaseConfig* config = context.phases.ConfigOf(phase)) {
     known.shown = config->shown;
     known.committed = config->committed != 0;
-  }
-  for (const PhaseEventRow& event : reader.Board().PhaseEvents(phase)) {
-    if (event.phase != phase) continue;
-    known.published = known.published || event.event == kPublishedEvent;
-    known.revealed = known.revealed || event.event == kRevealedEvent;
   }
   return known;
 }

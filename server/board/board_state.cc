@@ -73,6 +73,11 @@ absl::Status BoardState::Add(const Act& act) {
   if (!applied.ok() || TouchesBoards(act)) board_changes_ = act.id;
   return applied;
 }
+const PhaseEventRow* PhaseHistory::Pause() const {
+  const PhaseEventRow* newest = Newest(kPausedEvent, kResumedEvent);
+  return newest == nullptr || newest->event == kResumedEvent ? nullptr : newest;
+}
+
 
 absl::Status BoardState::Apply(const Act& act) {
   if (act.kind == kAcceptedAct) return AddAccepted(act);
@@ -268,16 +273,6 @@ std::vector<TeamEventRow> BoardState::TeamEvents(int64_t team) const {
 
 const std::vector<MarkRow>& BoardState::MarkHistory(int64_t submission) const {
   return FindOrNone(marks_, submission);
-}
-
-std::vector<PhaseEventRow> BoardState::PhaseEvents(const std::optional<std::string>& phase) const {
-  std::vector<PhaseEventRow> events;
-  for (const auto& [name, history] : phases_) {
-    if (phase.has_value() && !name.empty() && name != *phase) continue;
-    events.insert(events.end(), history.events.begin(), history.events.end());
-  }
-  std::ranges::sort(events, {}, &PhaseEventRow::id);
-  return events;
 }
 
 bool BoardState::HasCommitted(const std::string& phase) const {

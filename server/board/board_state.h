@@ -8,7 +8,6 @@
 
 #include <cstdint>
 #include <map>
-#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -64,6 +63,8 @@ struct PhaseHistory {
 
   bool Has(const char* event) const;
   // The newest event with one of two names; nullptr: there is none.
+  // The pause in force; nullptr: there is none.
+  const PhaseEventRow* Pause() const;
   const PhaseEventRow* Newest(const std::string& one, const std::string& other) const;
 };
 
@@ -150,9 +151,6 @@ class BoardState {
   std::vector<TeamEventRow> TeamEvents(int64_t team) const;
   // Oldest first.
   const std::vector<MarkRow>& MarkHistory(int64_t submission) const;
-  // What happened to a phase and to all submissions (phase ""), or with nullopt to any, oldest
-  // first.
-  std::vector<PhaseEventRow> PhaseEvents(const std::optional<std::string>& phase) const;
   // Of a phase, or ("") of all submissions.
   const PhaseHistory& Phase(const std::string& phase) const { return FindOrNone(phases_, phase); }
   // Whether the record has committed to hidden seeds of the phase.

@@ -247,28 +247,18 @@ std::string_view PhaseStateName(PhaseState state) {
   return kStateNames[static_cast<size_t>(state)];
 }
 
-PhaseStatus StatusOfPhase(const PhaseConfig& phase, std::span<const PhaseEventRow> events,
-                          absl::Time now) {
-  PhaseStatus status;
-  // The newest of each scope is in force; either pauses.
-  std::optional<PhaseEventRow> own;
-  std::optional<PhaseEventRow> all;
-  for (const PhaseEventRow& event : events) {
-    if (event.phase != phase.name && !event.phase.empty()) continue;
-    std::optional<PhaseEventRow>& pause = event.phase.empty() ? all : own;
-    if (event.event == kPausedEvent) pause = event;
-    if (event.event == kResumedEvent) pause = std::nullopt;
-    if (event.phase.empty()) continue;
-    status.published |= event.event == kPublishedEvent;
-    status.revealed |= event.event == kRevealedEvent;
-  }
-  status.pause = own.has_value() ? own : all;
+PhaseStatus StatusOfPhase(const PhaseConfig& phase, const BoardState& board, absl::Time now) {
+  const PhaseHistory& own = board.Phase(phase.name);
+  PhaseStatus status{.pause = own.Pause(),
+                     .published = own.Has(kPublishedEvent),
+                     .revealed = own.Has(kRevealedEvent)};
+  if (status.pause == nullptr) status.pause = board.Phase("").Pause();
   if (now < phase.opens) {
     status.state = PhaseState::kUpcoming;
   } else if (now >= phase.closes) {
     status.state = PhaseState::kClosed;
   } else {
-    status.state = status.pause.has_value() ? PhaseState::kPaused : PhaseState::kOpen;
+    status.state = status.pause != nullptr ? PhaseState::kPaused : PhaseState::kOpen;
   }
   // Whoever knows the seeds can train on them, whatever the calendar says.
   if (status.revealed) status.state = PhaseState::kClosed;
@@ -278,7 +268,6 @@ PhaseStatus StatusOfPhase(const PhaseConfig& phase, std::span<const PhaseEventRo
 
 absl::StatusOr<std::vector<std::string>> CheckAgainstStore(
     std::span<const ChallengeConfig> challenges, const Transaction& reader, absl::Time now) {
-  const std::vector<PhaseEventRow> events = reader.Board().PhaseEvents(std::nullopt);
   std::vector<std::string> found;
   for (const ChallengeConfig& challenge : challenges) {
     for (const PhaseConfig& phase : challenge.phases) {
@@ -293,7 +282,7 @@ absl::StatusOr<std::vector<std::string>> CheckAgainstStore(
             place, "this store has committed to hidden seeds for it, and its file gives other ones, so nobody "
             "can check what it plays; set \"seeds\" back to {\"committed\": N}, or give the phase another "
             "name"));
-      } else if (StatusOfPhase(phase, events, now).revealed && now < phase.closes) {
+      } else if (reader.Board().Phase(phase.name).Has(kRevealedEvent) && now < phase.closes) {
         found.push_back(absl::StrCat(
             place, "its seeds were revealed in this store, so it no longer accepts anything, but "
             "its times would keep it open; set \"closes_at\" back to when it closed, or give a new "

@@ -80,23 +80,20 @@ std::string_view PhaseStateName(PhaseState state);
 
 struct PhaseStatus {
   PhaseState state = PhaseState::kUpcoming;
-  // The pause in force, of the phase or of all submissions.
-  std::optional<PhaseEventRow> pause;
+  // The pause in force, of the phase or of all submissions; of the board's state. nullptr: none.
+  const PhaseEventRow* pause = nullptr;
   bool published = false;
   bool revealed = false;
   // Only organisers see the board as it is.
   bool frozen = false;
 };
 
-// A function of its arguments alone. `events`: of the phase, and of all submissions (phase ""), by
-// id; those of other phases are ignored.
-PhaseStatus StatusOfPhase(const PhaseConfig& phase, std::span<const PhaseEventRow> events,
-                          absl::Time now);
+// A function of its arguments alone.
+PhaseStatus StatusOfPhase(const PhaseConfig& phase, const BoardState& board, absl::Time now);
 
 // Where a store contradicts challenges, one sentence for each phase with the file and what to do:
 // its seeds were revealed, and its times would let submissions in again; its secret can't be had
-// (PhaseActs::CheckSecret); or it has public seeds, after a commitment to hidden ones. Errors of
-// BoardState::PhaseEvents.
+// (PhaseActs::CheckSecret); or it has public seeds, after a commitment to hidden ones.
 absl::StatusOr<std::vector<std::string>> CheckAgainstStore(
     std::span<const ChallengeConfig> challenges, const Transaction& reader, absl::Time now);
 

@@ -105,11 +105,11 @@ absl::StatusOr<bool> PhaseActs::AddEvent(const std::string& phase, const std::st
 absl::Status PhaseActs::CheckTakesSubmissions(const std::string& phase) {
   if (!phase.empty() && Board().Phase(phase).Has(kRevealedEvent)) return RevealedError(phase);
   for (const std::string& scope : {std::string(), phase}) {
-    const PhaseEventRow* newest = Board().Phase(scope).Newest(kPausedEvent, kResumedEvent);
-    if (newest == nullptr || newest->event == kResumedEvent) continue;
+    const PhaseEventRow* pause = Board().Phase(scope).Pause();
+    if (pause == nullptr) continue;
     const std::string what =
         scope.empty() ? "submissions are" : absl::StrCat("phase \"", scope, "\" is");
-    std::string why = newest->why;
+    std::string why = pause->why;
     while (why.ends_with('.')) why.pop_back();
     return CodedRefusal("paused",
                         absl::StrCat(what, " paused by the organiser: ", why, "; try again later"));

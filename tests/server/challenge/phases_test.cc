@@ -45,6 +45,20 @@ PhaseEventRow Event(const std::string& phase, const char* event, const std::stri
   return {1, 1, phase, event, "uid 0", why};
 }
 
+BoardState StateAfter(const std::vector<PhaseEventRow>& events) {
+  BoardState state;
+  for (const PhaseEventRow& event : events) {
+    const absl::Status added = state.Add(
+        {.id = state.last() + 1,
+         .at = event.at,
+         .kind = kPhaseAct,
+         .who = event.who,
+         .content = {{"phase", event.phase}, {"event", event.event}, {"why", event.why}}});
+    EXPECT_TRUE(added.ok()) << added;
+  }
+  return state;
+}
+
 PhaseConfig ConfigWith(const Json& more) { return ChallengeOf({PhaseJson("final", more)}).phases[0]; }
 
 TEST(Phases, WithoutAChallengeThereIsNone) {
@@ -203,8 +217,10 @@ TEST(PhaseState, TheCalendarOpensAndCloses) {
 
 TEST(PhaseState, APauseOfThePhaseOrOfAllPausesIt) {
   const PhaseConfig phase = ConfigWith({});
+  BoardState board;
   const auto state = [&](const std::vector<PhaseEventRow>& events) {
-    return StatusOfPhase(phase, events, At(kFirst));
+    board = StateAfter(events);
+    return StatusOfPhase(phase, board, At(kFirst));
   };
   EXPECT_EQ(state({Event("other", kPausedEvent)}).state, PhaseState::kOpen);
   EXPECT_EQ(state({Event("final", kPausedEvent, "broken")}).pause->why, "broken");
@@ -220,7 +236,7 @@ TEST(PhaseState, APauseOfThePhaseOrOfAllPausesIt) {
 TEST(PhaseState, ABoardIsFrozenUntilItIsPublishedOrRevealed) {
   const PhaseConfig phase = ConfigWith({{"freeze_at", kSecond}, {"closes_at", kThird}});
   const auto frozen = [&](const char* now, const std::vector<PhaseEventRow>& events) {
-    return StatusOfPhase(phase, events, At(now)).frozen;
+    return StatusOfPhase(phase, StateAfter(events), At(now)).frozen;
   };
   EXPECT_FALSE(frozen(kFirst, {}));
   EXPECT_TRUE(frozen(kSecond, {}));
@@ -247,7 +263,7 @@ TEST(PhaseState, IsTheCalendarsWhateverHappenedElsewhere) {
                                      [&](const auto& event) { return event.phase == scope; });
       return last != events.rend() && last->event == kPausedEvent;
     };
-    const PhaseState state = StatusOfPhase(phase, events, now).state;
+    const PhaseState state = StatusOfPhase(phase, StateAfter(events), now).state;
     RC_ASSERT((state == PhaseState::kUpcoming) == (now < phase.opens));
     RC_ASSERT((state == PhaseState::kClosed) == (now >= phase.closes));
     RC_ASSERT(CheckOpen(phase, now).ok() ==
