@@ -56,12 +56,11 @@ absl::Status RequireEvaluation(const Transaction& reader, int64_t id) {
   RETURN_IF_ERROR(Require(team, missing));
   const absl::StatusOr<EvaluationRow> evaluation = reader.evaluations.Find(id);
   const int64_t rejudge = evaluation.ok() ? evaluation->rejudge : 0;
-  return CallerSees(reader.Board().ComputeVisibility(rejudge)) ? absl::OkStatus() : missing;
+  return CallerSees(reader, rejudge) ? absl::OkStatus() : missing;
 }
 
-bool CallerSees(const RejudgeVisibility& rejudge) {
-  return rejudge.rejudge == 0 || rejudge.ever_applied || rejudge.revealed ||
-         CallerIsOrganiser();
+bool CallerSees(const Transaction& reader, int64_t rejudge) {
+  return reader.Board().IsShown(rejudge) || CallerIsOrganiser();
 }
 
 absl::Status RequireTeam(const Transaction& reader, const std::string& name) {

@@ -29,7 +29,7 @@ absl::Status Require(const std::string& team, const absl::Status& missing);
 absl::Status RequireSubmission(const Transaction& reader, int64_t id);
 absl::Status RequireEvaluation(const Transaction& reader, int64_t id);
 // A rejudge's evaluations are the organisers' until it is applied for the first time.
-bool CallerSees(const RejudgeVisibility& rejudge);
+bool CallerSees(const Transaction& reader, int64_t rejudge);
 
 // The same for the team called `name`, now or formerly. NotFoundError for one of others as for one
 // that there is not.

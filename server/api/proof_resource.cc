@@ -160,16 +160,15 @@ absl::StatusOr<EvaluationRow> AskedEvaluation(const Request& request, const Tran
 // Until a rejudge is applied, only organisers know of its results.
 absl::Status CheckRejudgeShown(const Transaction& reader, const EvaluationRow& evaluation,
                                bool everybody) {
-  const RejudgeVisibility rejudge = reader.Board().ComputeVisibility(evaluation.rejudge);
-  if (rejudge.rejudge == 0) return absl::OkStatus();
-  if (!CallerSees(rejudge)) {
+  const int64_t rejudge = evaluation.rejudge;
+  if (!CallerSees(reader, rejudge)) {
     return absl::NotFoundError(
         absl::StrCat("submission ", evaluation.submission, " has no evaluation ", evaluation.id));
   }
-  if (!everybody || rejudge.ever_applied) return absl::OkStatus();
+  if (rejudge == 0 || !everybody || reader.Board().WasApplied(rejudge)) return absl::OkStatus();
   return WithErrorCode(
       absl::FailedPreconditionError(absl::StrCat("evaluation ", evaluation.id, " is of rejudge ",
-                                                 rejudge.rejudge, ", which has not been applied")),
+                                                 rejudge, ", which has not been applied")),
       kWithheldCode);
 }
 

@@ -227,7 +227,7 @@ absl::StatusOr<Json> SubmissionStatus(const Transaction& reader, const ApiContex
   json["marks"] = MarksToJson(reader.Board().MarkHistory(id));
   json["evaluations"] = Json::array();
   for (const EvaluationRow& evaluation : evaluations) {
-    if (!CallerSees(reader.Board().ComputeVisibility(evaluation.rejudge))) continue;
+    if (!CallerSees(reader, evaluation.rejudge)) continue;
     json["evaluations"].push_back({{"evaluation", evaluation.id},
                                    {"kind", EnumName(evaluation.kind)},
                                    {"state", EnumName(evaluation.state)},

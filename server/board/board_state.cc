@@ -290,13 +290,10 @@ bool BoardState::WasApplied(int64_t rejudge) const {
   return std::ranges::find(events, RejudgeEvent::kApplied, &RejudgeEventRow::event) != events.end();
 }
 
-RejudgeVisibility BoardState::ComputeVisibility(int64_t id) const {
-  const RejudgeRow* rejudge = Rejudge(id);
-  if (rejudge == nullptr) return {.rejudge = id};
-  return {.rejudge = id,
-          .ever_applied = WasApplied(id),
-          .revealed = rejudge->purpose == RejudgePurpose::kSeeds &&
-                      Phase(rejudge->phase).Has(kRevealedEvent)};
+bool BoardState::IsShown(int64_t rejudge) const {
+  if (rejudge == 0 || WasApplied(rejudge)) return true;
+  const RejudgeRow& row = FindOrNone(rejudges_, rejudge);
+  return row.purpose == RejudgePurpose::kSeeds && Phase(row.phase).Has(kRevealedEvent);
 }
 
 int64_t BoardState::NewestChoice(int64_t team, const BoardName& board) const {

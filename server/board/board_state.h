@@ -77,13 +77,6 @@ struct OtherConfig {
   int64_t last_at = 0;
 };
 
-// What a rejudge has to do with an evaluation.
-struct RejudgeVisibility {
-  int64_t rejudge = 0;        // its id; 0: none
-  bool ever_applied = false;  // its results stood on a board, if they do not still
-  bool revealed = false;      // it has further episodes, and the seeds of its phase are revealed
-};
-
 class BoardState {
  public:
   // Applies an act, in the journal's order. InvalidArgumentError says what is wrong with it;
@@ -158,8 +151,9 @@ class BoardState {
   // nullptr: there is none.
   const RejudgeRow* Rejudge(int64_t id) const;
   bool WasApplied(int64_t rejudge) const;
-  // Of a rejudge; its id may be 0.
-  RejudgeVisibility ComputeVisibility(int64_t rejudge) const;
+  // Whether evaluations of a rejudge (0: of none) are not the organisers' alone: it was applied at
+  // some time, or it has further episodes and the seeds of its phase are revealed.
+  bool IsShown(int64_t rejudge) const;
   // The submission that a team chose last on a board; 0: none.
   int64_t NewestChoice(int64_t team, const BoardName& board) const;
 

@@ -394,7 +394,7 @@ TEST_F(RejudgedBoard, TellsWhatStandsUnderOtherConfigs) {
     EXPECT_EQ(reader.Board().RankedElsewhere(name, old_hash, {}), 1);
     EXPECT_EQ(reader.Board().ConfigsLike(new_hash.substr(0, 8), false), std::set{new_hash});
     EXPECT_TRUE(reader.Board().ConfigsLike("00000000", true).empty());
-    EXPECT_TRUE(reader.Board().ComputeVisibility(reader.evaluations.Find(3)->rejudge).ever_applied);
+    EXPECT_TRUE(reader.Board().WasApplied(reader.evaluations.Find(3)->rejudge));
     EXPECT_EQ(reader.evaluations.Find(1)->rejudge, 0);
     return absl::OkStatus();
   });
