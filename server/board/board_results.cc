@@ -21,19 +21,9 @@ const Row* NewestBefore(const std::vector<Row>& rows, int64_t before_ms) {
 
 // --- what counts ---
 
-std::vector<const BoardResult*> BoardState::Ended(const std::vector<int64_t>& evaluations,
-                                                  int64_t before_ms) const {
-  std::vector<const BoardResult*> found;
-  for (const int64_t evaluation : evaluations) {
-    const BoardResult& result = results_.at(evaluation);
-    if (result.at < before_ms && submissions_.contains(result.submission)) found.push_back(&result);
-  }
-  return found;
-}
-
-std::vector<const BoardResult*> BoardState::Deciding(const std::string& config,
-                                                     const BoardMoment& moment,
-                                                     int64_t before_ms) const {
+std::map<int64_t, const BoardResult*> BoardState::Deciding(const std::string& config,
+                                                           const BoardMoment& moment,
+                                                           int64_t before_ms) const {
   std::map<int64_t, int64_t> applied;  // rejudges, by the acts that applied them
   for (const auto& [id, rejudge] : rejudges_) {
     if (rejudge.to_config != config || rejudge.purpose != RejudgePurpose::kRules ||
@@ -45,69 +35,57 @@ std::vector<const BoardResult*> BoardState::Deciding(const std::string& config,
   }
   const RejudgeRow* assumed = Rejudge(moment.assumed_rejudge);
   if (assumed != nullptr && assumed->to_config == config) applied[INT64_MAX] = assumed->id;
-  std::vector<const BoardResult*> found = Ended(FindOrNone(originals_, config), before_ms);
-  for (const auto& [act, rejudge] : applied) {
-    const auto results = Ended(FindOrNone(rejudged_, rejudge), before_ms);
-    found.insert(found.end(), results.begin(), results.end());
-  }
-  return found;
+  std::map<int64_t, const BoardResult*> deciding;
+  const auto add = [&](const std::vector<int64_t>& evaluations) {
+    for (const int64_t evaluation : evaluations) {
+      const BoardResult& result = results_.at(evaluation);
+      if (result.at >= before_ms || !submissions_.contains(result.submission)) continue;
+      deciding[result.submission] = &result;
+    }
+  };
+  add(FindOrNone(originals_, config));
+  for (const auto& [act, rejudge] : applied) add(FindOrNone(rejudged_, rejudge));
+  return deciding;
 }
 
 std::map<int64_t, const BoardResult*> BoardState::InForce(const std::string& config,
                                                           const BoardMoment& moment) const {
-  std::map<int64_t, const BoardResult*> in_force;
-  for (const BoardResult* result : Deciding(config, moment, moment.results_before_ms())) {
-    in_force[result->submission] = result;
-  }
+  auto in_force = Deciding(config, moment, moment.results_before_ms());
   std::erase_if(in_force, [](const auto& entry) { return !entry.second->graded; });
   return in_force;
 }
 
 bool BoardState::Withholds(const std::string& config, const BoardMoment& moment) const {
   if (moment.freeze_ms >= moment.before_ms) return false;
-  const auto results = Deciding(config, moment, moment.before_ms);
-  return std::any_of(results.begin(), results.end(), [&](const BoardResult* result) {
-    const TeamState* team = TeamOf(result->submission);
+  return std::ranges::any_of(Deciding(config, moment, moment.before_ms), [&](const auto& entry) {
+    const auto& [submission, result] = entry;
+    const TeamState* team = TeamOf(submission);
     return result->at >= moment.freeze_ms && (result->rejudge != 0 || result->stands()) &&
            team != nullptr && !team->banned;
   });
 }
 
-std::set<int64_t> BoardState::Rejudged(const std::string& config, const BoardMoment& moment) const {
-  std::set<int64_t> submissions;
-  for (const BoardResult* result : Deciding(config, moment, moment.results_before_ms())) {
-    if (result->rejudge != 0) submissions.insert(result->submission);
-  }
-  return submissions;
-}
-
+// More than what stands under from_config now, as a rejudge that was dropped may be applied again.
 std::set<int64_t> BoardState::NeededByRejudges() const {
   std::set<int64_t> needed;
   for (const auto& [id, rejudge] : rejudges_) {
     if (rejudge.purpose != RejudgePurpose::kRules || rejudge.last() != RejudgeEvent::kCreated) {
       continue;
     }
-    for (const auto& [submission, accepted] : submissions_) {
-      if (accepted.board.phase == rejudge.phase && accepted.config == rejudge.from_config) {
-        needed.insert(submission);
-      }
-    }
     for (const auto& [evaluation, result] : results_) {
-      if (result.rejudge != 0 && result.config == rejudge.from_config) {
-        needed.insert(result.submission);
-      }
+      if (result.config == rejudge.from_config) needed.insert(result.submission);
     }
   }
   return needed;
 }
 
 std::set<int64_t> BoardState::Chosen(const std::string& config, const BoardMoment& moment) const {
-  const std::set<int64_t> rejudged = Rejudged(config, moment);
+  const auto deciding = Deciding(config, moment, moment.results_before_ms());
   std::map<int64_t, int64_t> by_team;
   for (const Choice& choice : choices_) {
     const auto found = submissions_.find(choice.submission);
     if (choice.at >= moment.results_before_ms() || found == submissions_.end()) continue;
-    if (found->second.config != config && !rejudged.contains(choice.submission)) continue;
+    if (found->second.config != config && !deciding.contains(choice.submission)) continue;
     by_team[TeamInForce(found->second.team)] = choice.submission;
   }
   std::set<int64_t> chosen;
@@ -149,15 +127,13 @@ int64_t BoardState::ChangedAt(const std::string& config, const std::string& phas
         note(event.at, before);
       }
     }
-    if (rejudge.to_config != config) continue;
-    for (const BoardResult* result : Ended(FindOrNone(rejudged_, id), INT64_MAX)) {
-      own.insert(result->submission);
-    }
   }
-  for (const int64_t id : own) teams.insert(submissions_.at(id).team);
   for (const auto& [evaluation, result] : results_) {
-    if (result.stands() && own.contains(result.submission)) note(result.at, before);
+    if (result.config != config || !submissions_.contains(result.submission)) continue;
+    own.insert(result.submission);
+    if (result.stands()) note(result.at, before);
   }
+  for (const int64_t id : own) teams.insert(TeamInForce(submissions_.at(id).team));
   for (const auto& [submission, history] : marks_) {
     if (!own.contains(submission)) continue;
     for (const MarkRow& mark : history) note(mark.at, moment.before_ms);
@@ -165,8 +141,9 @@ int64_t BoardState::ChangedAt(const std::string& config, const std::string& phas
   for (const Choice& choice : choices_) {
     if (own.contains(choice.submission)) note(choice.at, before);
   }
-  for (const int64_t team : teams) {
-    for (const TeamEventRow& event : FindOrNone(teams_, team).events) {
+  for (const auto& [id, team] : teams_) {
+    if (!teams.contains(TeamInForce(id))) continue;
+    for (const TeamEventRow& event : team.events) {
       if (event.event != "created") note(event.at, moment.before_ms);
     }
   }
@@ -224,18 +201,14 @@ std::vector<OtherConfig> BoardState::OtherConfigs(const BoardName& board, const 
   for (const std::string& hash : hashes) {
     OtherConfig other{.config = hash};
     std::set<int64_t> teams;
-    std::set<int64_t> counted;
-    const BoardMoment then{.before_ms = moment.results_before_ms()};
-    for (const BoardResult* result : Deciding(hash, then, then.before_ms)) {
-      const AcceptedSubmission& submission = submissions_.at(result->submission);
+    for (const auto& [id, result] : InForce(hash, {.before_ms = moment.results_before_ms()})) {
+      const AcceptedSubmission& submission = submissions_.at(id);
       if (submission.board != board || !result->stands()) continue;
-      if (!counted.insert(submission.id).second) continue;
       teams.insert(TeamInForce(submission.team));
       other.first_at =
-          counted.size() == 1 ? submission.at : std::min(other.first_at, submission.at);
+          ++other.submissions == 1 ? submission.at : std::min(other.first_at, submission.at);
       other.last_at = std::max(other.last_at, submission.at);
     }
-    other.submissions = std::ssize(counted);
     other.teams = std::ssize(teams);
     if (other.submissions > 0) others.push_back(std::move(other));
   }
@@ -247,16 +220,15 @@ std::vector<OtherConfig> BoardState::OtherConfigs(const BoardName& board, const 
 
 int64_t BoardState::RankedElsewhere(const BoardName& board, const std::string& config,
                                     const BoardMoment& moment) const {
-  const std::set<int64_t> rejudged = Rejudged(config, moment);
-  int64_t count = 0;
-  for (const auto& [hash, evaluations] : originals_) {
-    if (hash == config) continue;
-    for (const BoardResult* result : Ended(evaluations, moment.results_before_ms())) {
-      count += submissions_.at(result->submission).board == board && result->stands() &&
-               !rejudged.contains(result->submission);
-    }
-  }
-  return count;
+  const int64_t before = moment.results_before_ms();
+  const auto deciding = Deciding(config, moment, before);
+  return std::ranges::count_if(results_, [&](const auto& entry) {
+    const BoardResult& result = entry.second;
+    const auto found = submissions_.find(result.submission);
+    return result.rejudge == 0 && result.config != config && result.stands() &&
+           result.at < before && found != submissions_.end() && found->second.board == board &&
+           !deciding.contains(result.submission);
+  });
 }
 
 std::set<std::string> BoardState::ConfigsLike(const std::string& prefix,

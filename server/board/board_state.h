@@ -182,15 +182,11 @@ class BoardState {
   void AddConfig(const Act& act);
   void AddRejudge(const Act& act);
   int64_t TeamInForce(int64_t team) const;
-  // The evaluations of a list that ended before a moment.
-  std::vector<const BoardResult*> Ended(const std::vector<int64_t>& evaluations,
-                                        int64_t before_ms) const;
-  // Those that may decide a config's board: its originals, then those of each rejudge that counts,
-  // in the order in which they were applied.
-  std::vector<const BoardResult*> Deciding(const std::string& config, const BoardMoment& moment,
-                                           int64_t before_ms) const;
-  // Submissions that a rejudge to the config has ended for.
-  std::set<int64_t> Rejudged(const std::string& config, const BoardMoment& moment) const;
+  // By submission, what decides its place on a config's board, of what ended before a moment: the
+  // original, or in its place the result of the rejudge that was applied last.
+  std::map<int64_t, const BoardResult*> Deciding(const std::string& config,
+                                                 const BoardMoment& moment,
+                                                 int64_t before_ms) const;
 
   int64_t last_ = 0;
   int64_t board_changes_ = 0;

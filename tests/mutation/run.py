@@ -109,7 +109,7 @@ MUTANTS = [
     ("board_test", "*", BOARD + "board_results.cc", "if (mark.at >= before_ms) continue;", ""),
     ("board_test", "*", BOARD + "board_results.cc", "choice.at >= moment.results_before_ms() || ", ""),
     ("board_test", "*", BOARD + "board_results.cc",
-     "if (found->second.config != config && !rejudged.contains(choice.submission)) continue;", ""),
+     "if (found->second.config != config && !deciding.contains(choice.submission)) continue;", ""),
     # What is done with a damaged row.
     ("engine_test", "-*ADamagedRow*", ENGINE + "engine_core.cc",
      "if (!status.ok()) GiveUpUnreadable(entry.evaluation, std::string(status.message()));",
