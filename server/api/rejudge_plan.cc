@@ -1,7 +1,6 @@
 #include "server/api/rejudge_plan.h"
 
 #include <memory>
-#include <set>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
@@ -52,48 +51,26 @@ Json KeysOfPhase(const ApiContext& context, const TrackConfig& live) {
   return keys;
 }
 
-absl::Status CheckFits(const TrackConfig& live, const TrackConfig& config) {
+absl::StatusOr<TrackPtr> NewTrack(const ApiContext& context, const TrackConfig& live,
+                                  const Json& file) {
+  ASSIGN_OR_RETURN(TrackConfig config,
+                   ResolveTrackConfig(context.tracks_dir, live.id, live.profile, file, kWhereSent));
+  // Checked first: another environment lacks most of this one's keys.
   if (config.kind != live.kind) {
     return absl::InvalidArgumentError(
         absl::StrCat(kWhereSent, " is for the environment \"", std::string(config.kind->name),
                      "\", but track \"", live.id, "\" is of \"", std::string(live.kind->name),
                      "\"; give a config that extends this board's track"));
   }
+  if (!live.phase.empty()) {
+    ASSIGN_OR_RETURN(config, WithPhase(config, KeysOfPhase(context, live)));
+  }
   if (config.seeds.size() != live.seeds.size()) {
     return absl::InvalidArgumentError(absl::StrCat(kWhereSent, " has ", config.seeds.size(),
                                                    " seeds and the board has ", live.seeds.size(),
                                                    "; a board keeps the number of its episodes"));
   }
-  return absl::OkStatus();
-}
-
-absl::StatusOr<TrackPtr> NewTrack(const ApiContext& context, const TrackConfig& live,
-                                  const Json& file) {
-  ASSIGN_OR_RETURN(TrackConfig config,
-                   ResolveTrackConfig(context.tracks_dir, live.id, live.profile, file, kWhereSent));
-  // Checked first: another environment lacks most of this one's keys.
-  RETURN_IF_ERROR(config.kind == live.kind ? absl::OkStatus() : CheckFits(live, config));
-  if (!live.phase.empty()) {
-    ASSIGN_OR_RETURN(config, WithPhase(config, KeysOfPhase(context, live)));
-  }
-  RETURN_IF_ERROR(CheckFits(live, config));
   return MakeTrack(std::move(config));
-}
-
-// What one lacks counts as an empty object, so what only one has is told key by key; a list is one
-// value.
-void AddDiffering(const Json& from, const Json& to, const std::string& at,
-                  std::set<std::string>& keys) {
-  if (!from.is_object() || !to.is_object()) {
-    if (from != to) keys.insert(at);
-    return;
-  }
-  Json both = from;
-  both.update(to);
-  for (const auto& [name, unused] : both.items()) {
-    AddDiffering(from.value(name, Json::object()), to.value(name, Json::object()),
-                 absl::StrCat(at, "/", name), keys);
-  }
 }
 
 }  // namespace
@@ -101,12 +78,13 @@ void AddDiffering(const Json& from, const Json& to, const std::string& at,
 absl::StatusOr<RejudgeRequest> ParseRejudge(const Json& body) {
   ConfigReader reader(body, "request");
   RejudgeRequest request;
-  request.phase = ReadBoardName(reader, "phase");
-  request.track = ReadBoardName(reader, "track");
-  request.profile = ReadBoardName(reader, "profile");
-  if (request.phase.empty() == request.track.empty()) {
+  BoardName& board = request.board;
+  board.phase = ReadBoardName(reader, "phase");
+  board.track = ReadBoardName(reader, "track");
+  board.profile = ReadBoardName(reader, "profile");
+  if (board.phase.empty() == board.track.empty()) {
     reader.Fail("phase", "or \"track\" must be given, but not both: the board to rejudge");
-  } else if (!request.phase.empty() && !request.profile.empty()) {
+  } else if (!board.phase.empty() && !board.profile.empty()) {
     reader.Fail("profile", "is only for a track's own board; a phase has one profile");
   }
   if (reader.Has("config")) request.config = reader.Object("config");
@@ -126,7 +104,7 @@ absl::StatusOr<RejudgeAct> ParseApply(const Json& body) {
   if (reader.Has("without")) {
     for (const Json& id : reader.Array("without")) {
       if (id.is_number_integer() && id >= 1 && id <= kMostId) {
-        act.without.push_back(id.get<int64_t>());
+        act.without.insert(id.get<int64_t>());
       } else {
         reader.Fail("without", "must list numbers of submissions");
       }
@@ -137,22 +115,20 @@ absl::StatusOr<RejudgeAct> ParseApply(const Json& body) {
 }
 
 absl::StatusOr<TrackPtr> TrackInForce(const Transaction& reader, const ApiContext& context,
-                                      const std::string& phase, const std::string& track,
-                                      const std::string& profile) {
-  if (phase.empty()) return context.tracks.Find(track, profile);
-  const absl::StatusOr<PhasePtr> found = context.phases.Find(phase);
+                                      const BoardName& board) {
+  if (board.phase.empty()) return context.tracks.Find(board.track, board.profile);
+  const absl::StatusOr<PhasePtr> found = context.phases.Find(board.phase);
   if (found.ok()) return (*found)->track;
   // One that no file describes any more.
-  const std::string hash =
-      context.phases.ConfigOf(phase) == nullptr ? reader.Board().ConfigOfPhase(phase) : "";
+  const bool described = context.phases.ConfigOf(board.phase) != nullptr;
+  const std::string hash = described ? "" : reader.Board().ConfigOfPhase(board.phase);
   if (hash.empty()) return found.status();
   return StoredTrack(reader, hash);
 }
 
 absl::StatusOr<NewRejudge> MakeRejudge(const Transaction& reader, const ApiContext& context,
                                        const RejudgeRequest& request) {
-  ASSIGN_OR_RETURN(const TrackPtr live,
-                   TrackInForce(reader, context, request.phase, request.track, request.profile));
+  ASSIGN_OR_RETURN(const TrackPtr live, TrackInForce(reader, context, request.board));
   TrackPtr next = live;
   if (request.config.has_value()) {
     ASSIGN_OR_RETURN(next, NewTrack(context, live->config, *request.config));
@@ -166,9 +142,7 @@ absl::StatusOr<NewRejudge> MakeRejudge(const Transaction& reader, const ApiConte
 
 NewRejudge RejudgeBetween(const TrackConfig& from, const TrackConfig& to) {
   NewRejudge rejudge;
-  rejudge.phase = from.phase;
-  rejudge.track = from.id;
-  rejudge.profile = from.profile;
+  rejudge.board = {from.phase, from.id, from.profile};
   rejudge.from_config = from.hash;
   rejudge.from_config_json = CanonicalJson(from.effective);
   rejudge.to_config = to.hash;
@@ -179,10 +153,17 @@ NewRejudge RejudgeBetween(const TrackConfig& from, const TrackConfig& to) {
   return rejudge;
 }
 
-std::vector<std::string> DifferingKeys(const Json& from, const Json& to) {
+std::set<std::string> DifferingKeys(const Json& from, const Json& to, const std::string& at) {
+  if (from == to) return {};
+  if (!from.is_object() || !to.is_object()) return {at};
+  Json both = from;
+  both.update(to);
   std::set<std::string> keys;
-  AddDiffering(from, to, "", keys);
-  return {keys.begin(), keys.end()};
+  for (const auto& [name, unused] : both.items()) {
+    keys.merge(DifferingKeys(from.value(name, Json::object()), to.value(name, Json::object()),
+                             absl::StrCat(at, "/", name)));
+  }
+  return keys;
 }
 
 absl::StatusOr<SignDocument> RejudgeSigner(const ApiContext& context) {

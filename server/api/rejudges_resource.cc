@@ -51,7 +51,7 @@ Json EventToJson(const RejudgeEventRow& event) {
           {"at", TimeToJson(event.at)},
           {"who", event.who},
           {"reason", event.why},
-          {"document", Json::parse(event.document_json, nullptr, false)},
+          {"document", event.document},
           {"signature", event.signature}};
 }
 
@@ -229,11 +229,10 @@ ApiResult CreateRejudge(const ApiContext& context, const Request&, const Json& b
   }));
   ASSIGN_OR_RETURN(const SignDocument sign, RejudgeSigner(context));
   ASSIGN_OR_RETURN(
-      const CreatedRejudge created,
+      const RejudgePlan plan,
       context.engine.CreateRejudge(rejudge, sign, CallerKey(), context.config.http.request));
-  const int64_t id = created.rejudge.id;
-  NoteAct(RejudgeName(id), "created");
-  return ShowRejudge(context, id, 201, {{"plan", created.plan}});
+  NoteAct(RejudgeName(plan.rejudge), "created");
+  return ShowRejudge(context, plan.rejudge, 201, {{"plan", plan}});
 }
 
 // Has the daemon play and show the board's new config once an act is written.

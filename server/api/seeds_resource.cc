@@ -35,7 +35,7 @@ absl::StatusOr<std::vector<uint64_t>> PlayedFurtherSeeds(const Transaction& read
   std::set<uint64_t> played;
   size_t own = 0;
   for (const auto& [id, rejudge] : reader.Board().rejudges()) {
-    if (rejudge.purpose != RejudgePurpose::kSeeds || rejudge.phase != phase) continue;
+    if (rejudge.purpose != RejudgePurpose::kSeeds || rejudge.board.phase != phase) continue;
     ASSIGN_OR_RETURN(const std::vector<uint64_t> seeds, SeedsOfRejudge(reader, rejudge));
     ASSIGN_OR_RETURN(const TrackConfig config, StoredConfig(reader, rejudge.from_config));
     own = config.seeds.size();
@@ -74,7 +74,7 @@ absl::Status NothingToReveal(const std::string& phase) {
 
 absl::StatusOr<HiddenSeeds> SeedsToReveal(const Transaction& reader, const ApiContext& context,
                                           const std::string& name) {
-  ASSIGN_OR_RETURN(const TrackPtr track, TrackInForce(reader, context, name, "", ""));
+  ASSIGN_OR_RETURN(const TrackPtr track, TrackInForce(reader, context, {name, "", ""}));
   const TrackConfig& config = track->config;
   const bool is_public = config.seed_salt.empty();
   absl::StatusOr<std::string> secret = reader.phases.Secret(name);
@@ -233,7 +233,7 @@ absl::StatusOr<std::vector<NewRejudge>> MakeFurtherRejudges(const Transaction& r
                                                             const ApiContext& context,
                                                             const MoreSeedsRequest& request,
                                                             const std::string& secret) {
-  ASSIGN_OR_RETURN(const TrackPtr track, TrackInForce(reader, context, request.phase, "", ""));
+  ASSIGN_OR_RETURN(const TrackPtr track, TrackInForce(reader, context, {request.phase, "", ""}));
   const TrackConfig& live = track->config;
   if (const int64_t most = kMaxEpisodes - std::ssize(live.seeds); request.episodes > most) {
     return absl::InvalidArgumentError(absl::StrCat("\"episodes\" is ", request.episodes,
@@ -244,10 +244,10 @@ absl::StatusOr<std::vector<NewRejudge>> MakeFurtherRejudges(const Transaction& r
   ASSIGN_OR_RETURN(FurtherItems items, ListFurtherItems(reader, live.hash));
   const std::vector<uint64_t> seeds =
       FurtherSeeds(secret, request.phase, live.seeds.size(), request.episodes);
-  std::map<size_t, std::vector<int64_t>> lacking;  // submissions by what they have
+  std::map<size_t, std::set<int64_t>> lacking;  // submissions by what they have
   for (const int64_t submission : rows) {
     const size_t had = SeedsHad(items[submission], seeds);
-    if (had < seeds.size()) lacking[had].push_back(submission);
+    if (had < seeds.size()) lacking[had].insert(submission);
   }
   if (lacking.empty()) {
     return absl::FailedPreconditionError(absl::StrCat("each of the ", rows.size(),
@@ -261,7 +261,6 @@ absl::StatusOr<std::vector<NewRejudge>> MakeFurtherRejudges(const Transaction& r
                                         seeds.end());
     ASSIGN_OR_RETURN(NewRejudge rejudge, RejudgeWith(live, secret, missing, request.reason));
     rejudge.submissions = std::move(submissions);
-    std::sort(rejudge.submissions.begin(), rejudge.submissions.end());
     rejudges.push_back(std::move(rejudge));
   }
   return rejudges;
@@ -272,7 +271,7 @@ absl::StatusOr<std::string> SecretOfPhase(const ApiContext& context, const std::
   bool hidden = false;
   absl::StatusOr<std::string> secret = context.readers.Read<std::string>(
       [&](const Transaction& reader) -> absl::StatusOr<std::string> {
-        ASSIGN_OR_RETURN(const TrackPtr track, TrackInForce(reader, context, phase, "", ""));
+        ASSIGN_OR_RETURN(const TrackPtr track, TrackInForce(reader, context, {phase, "", ""}));
         hidden = !track->config.seed_salt.empty();
         return reader.phases.Secret(phase);
       });
@@ -298,14 +297,14 @@ ApiResult PlayMoreSeeds(const ApiContext& context, const Request& request, const
   Json created = Json::array();
   for (const NewRejudge& rejudge : rejudges) {
     ASSIGN_OR_RETURN(
-        const CreatedRejudge made,
+        const RejudgePlan plan,
         context.engine.CreateRejudge(rejudge, sign, CallerKey(), context.config.http.request));
-    NoteAct(absl::StrCat("rejudge ", made.rejudge.id), "created for further episodes");
-    created.push_back({{"rejudge", made.rejudge.id},
+    NoteAct(absl::StrCat("rejudge ", plan.rejudge), "created for further episodes");
+    created.push_back({{"rejudge", plan.rejudge},
                        {"episodes", rejudge.seed_count},
                        {"seeds_sha256", rejudge.seeds},
                        {"submissions", rejudge.submissions},
-                       {"without_files", made.plan.without_files}});
+                       {"without_files", plan.without_files}});
   }
   return ApiAnswer{201,
                    {{"phase", asked.phase},

@@ -97,10 +97,8 @@ struct BoardMoment {
 struct BoardConfigRow {
   int64_t id = 0;
   int64_t at = 0;
-  BoardName board;
-  std::string config;   // its hash
-  int64_t rejudge = 0;  // whose act it was; 0: the config files changed
-  std::string who;
+  std::string config;       // its hash
+  int64_t rejudge = 0;      // whose act it was; 0: the config files changed
   std::string from_config;  // of that rejudge; "": none
 };
 
@@ -177,8 +175,8 @@ struct RejudgeEventRow {
   RejudgeEvent event = RejudgeEvent::kCreated;
   std::string who;
   std::string why;
-  std::string document_json;  // canonical
-  std::string signature;      // 128 hexadecimal digits: Ed25519 over document_json
+  nlohmann::json document;  // null: it is not public
+  std::string signature;    // 128 hexadecimal digits: Ed25519 over the document's canonical JSON
 };
 
 inline constexpr int64_t kMostRepeats = 20;
@@ -187,9 +185,7 @@ struct RejudgeRow {
   int64_t id = 0;
   int64_t at = 0;
   RejudgePurpose purpose = RejudgePurpose::kRules;
-  std::string phase;  // "": the track's own board
-  std::string track;
-  std::string profile;
+  BoardName board;
   std::string from_config;  // hashes
   std::string to_config;
   std::string seeds;  // of to_config
@@ -199,7 +195,6 @@ struct RejudgeRow {
   std::string why;
   std::vector<RejudgeEventRow> events;  // oldest first
 
-  BoardName board() const { return {phase, track, profile}; }
   // The newest event; kCreated if none is known.
   RejudgeEvent last() const {
     return events.empty() ? RejudgeEvent::kCreated : events.back().event;
@@ -208,7 +203,5 @@ struct RejudgeRow {
 
 // What every document and answer about a rejudge tells of it: purpose, board, configs and method.
 nlohmann::json RejudgeKeys(const RejudgeRow& rejudge);
-// The rejudge that a document is of. Throws nlohmann::json::exception where a key is missing.
-RejudgeRow RejudgeOfDocument(const nlohmann::json& document);
 
 }  // namespace myograde::server

@@ -5,7 +5,6 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/config_reader.h"
 #include "server/base/plain_text.h"
 
 namespace myograde::server {
@@ -34,6 +33,21 @@ BoardName BoardAt(const Json& content) {
   return {TextOrEmpty(content, "phase"), TextAt(content, "track"), TextAt(content, "profile")};
 }
 
+void ReadDocument(const Json& document, RejudgeRow& rejudge) {
+  rejudge.id = NumberAt(document, "rejudge");
+  rejudge.purpose =
+      ParseEnum<RejudgePurpose>(TextAt(document, "purpose")).value_or(RejudgePurpose::kRules);
+  rejudge.board = BoardAt(document);
+  rejudge.from_config = TextAt(document, "from_config");
+  rejudge.to_config = TextAt(document, "to_config");
+  rejudge.seeds = TextAt(document, "seeds");
+  rejudge.method =
+      ParseEnum<RejudgeMethod>(TextAt(document, "method")).value_or(RejudgeMethod::kAuto);
+  rejudge.repeats = NumberAt(document, "repeats");
+  rejudge.who = TextAt(document, "who");
+  rejudge.why = TextAt(document, "reason");
+}
+
 absl::Status Wrong(const Act& act, const auto&... parts) {
   return absl::InvalidArgumentError(absl::StrCat("entry ", act.entry, " ", parts...));
 }
@@ -59,6 +73,11 @@ const PhaseEventRow* PhaseHistory::Newest(const std::string& one, const std::str
   return found == events.rend() ? nullptr : &*found;
 }
 
+const PhaseEventRow* PhaseHistory::Pause() const {
+  const PhaseEventRow* newest = Newest(kPausedEvent, kResumedEvent);
+  return newest == nullptr || newest->event == kResumedEvent ? nullptr : newest;
+}
+
 // --- the fold ---
 
 absl::Status BoardState::Add(const Act& act) {
@@ -73,11 +92,6 @@ absl::Status BoardState::Add(const Act& act) {
   if (!applied.ok() || TouchesBoards(act)) board_changes_ = act.id;
   return applied;
 }
-const PhaseEventRow* PhaseHistory::Pause() const {
-  const PhaseEventRow* newest = Newest(kPausedEvent, kResumedEvent);
-  return newest == nullptr || newest->event == kResumedEvent ? nullptr : newest;
-}
-
 
 absl::Status BoardState::Apply(const Act& act) {
   if (act.kind == kAcceptedAct) return AddAccepted(act);
@@ -128,15 +142,15 @@ absl::Status BoardState::AddGraded(const Act& act) {
                     .submission = NumberAt(act.content, "submission"),
                     .config = TextAt(act.content, "config"),
                     .rejudge = NumberOrZero(act.content, "rejudge"),
-                    .repetition = std::max<int64_t>(1, NumberOrZero(act.content, "repetition")),
                     .graded = TextAt(act.content, "state") == "graded",
                     .failed = act.content.value("failed", false)};
+  const bool repeated = NumberOrZero(act.content, "repetition") > 1;
   const auto [place, added] = results_.emplace(ended.evaluation, std::move(ended));
   const BoardResult& result = place->second;
   if (!added) return Wrong(act, "ends evaluation ", result.evaluation, " a second time");
   if (result.rejudge == 0) {
     originals_[result.config].push_back(result.evaluation);
-  } else if (result.repetition == 1) {
+  } else if (!repeated) {
     rejudged_[result.rejudge].push_back(result.evaluation);
   }
   return absl::OkStatus();
@@ -198,14 +212,12 @@ void BoardState::AddPhase(const Act& act) {
 void BoardState::AddConfig(const Act& act) {
   BoardConfigRow config{.id = act.id,
                         .at = act.at,
-                        .board = BoardAt(act.content),
                         .config = TextAt(act.content, "config"),
                         .rejudge = NumberOrZero(act.content, "rejudge"),
-                        .who = act.who,
                         .from_config = ""};
   if (const RejudgeRow* rejudge = Rejudge(config.rejudge))
     config.from_config = rejudge->from_config;
-  configs_[config.board].push_back(std::move(config));
+  configs_[BoardAt(act.content)].push_back(std::move(config));
 }
 
 // Until a rejudge is applied, a public record tells nothing but that it was created.
@@ -218,22 +230,19 @@ void BoardState::AddRejudge(const Act& act) {
           ParseEnum<RejudgeEvent>(TextAt(act.content, "event")).value_or(RejudgeEvent::kCreated),
       .who = act.who,
       .why = "",
-      .document_json = "",
+      .document = {},
       .signature = TextAt(act.content, "signature")};
-  RejudgeRow& rejudge = rejudges_[event.rejudge];
+  RejudgeRow rejudge = FindOrNone(rejudges_, event.rejudge);
   if (const auto document = act.content.find("document"); document != act.content.end()) {
     event.who = TextAt(*document, "who");
     event.why = TextAt(*document, "reason");
-    event.document_json = CanonicalJson(*document);
-    if (rejudge.to_config.empty()) {
-      std::vector<RejudgeEventRow> events = std::move(rejudge.events);
-      rejudge = RejudgeOfDocument(*document);
-      rejudge.events = std::move(events);
-    }
+    event.document = *document;
+    if (rejudge.to_config.empty()) ReadDocument(*document, rejudge);
   }
   if (event.event == RejudgeEvent::kCreated) rejudge.at = act.at;
   rejudge.id = event.rejudge;
   rejudge.events.push_back(std::move(event));
+  rejudges_[rejudge.id] = std::move(rejudge);
 }
 
 // --- teams, marks, phases, rejudges ---
@@ -293,7 +302,7 @@ bool BoardState::WasApplied(int64_t rejudge) const {
 bool BoardState::IsShown(int64_t rejudge) const {
   if (rejudge == 0 || WasApplied(rejudge)) return true;
   const RejudgeRow& row = FindOrNone(rejudges_, rejudge);
-  return row.purpose == RejudgePurpose::kSeeds && Phase(row.phase).Has(kRevealedEvent);
+  return row.purpose == RejudgePurpose::kSeeds && Phase(row.board.phase).Has(kRevealedEvent);
 }
 
 int64_t BoardState::NewestChoice(int64_t team, const BoardName& board) const {

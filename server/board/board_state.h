@@ -36,7 +36,6 @@ struct BoardResult {
   int64_t submission = 0;
   std::string config;
   int64_t rejudge = 0;  // 0: it is the submission's original
-  int64_t repetition = 1;
   bool graded = false;  // it has a result
   bool failed = false;  // a result that stands on no board; false where that is private
 
@@ -63,9 +62,9 @@ struct PhaseHistory {
 
   bool Has(const char* event) const;
   // The newest event with one of two names; nullptr: there is none.
+  const PhaseEventRow* Newest(const std::string& one, const std::string& other) const;
   // The pause in force; nullptr: there is none.
   const PhaseEventRow* Pause() const;
-  const PhaseEventRow* Newest(const std::string& one, const std::string& other) const;
 };
 
 // Ranked submissions of a board that stand under another config than the one asked about.

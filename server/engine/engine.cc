@@ -7,6 +7,8 @@
 
 #include <algorithm>
 
+#include <spdlog/spdlog.h>
+
 #include "protocol/base/config_reader.h"
 #include "server/artefact/adapters.h"
 #include "server/engine/rejudges.h"
@@ -257,31 +259,28 @@ nlohmann::json Engine::HostBuild() const {
                       RuntimeDigests(core_.runtimes()));
 }
 
-absl::StatusOr<CreatedRejudge> Engine::CreateRejudge(const NewRejudge& asked,
-                                                     const SignDocument& sign,
-                                                     const std::string& who,
-                                                     absl::Duration timeout) {
+absl::StatusOr<RejudgePlan> Engine::CreateRejudge(const NewRejudge& asked, const SignDocument& sign,
+                                                  const std::string& who, absl::Duration timeout) {
   NewRejudge rejudge = asked;
   if (rejudge.grader_json.empty()) rejudge.grader_json = CanonicalJson(HostBuild());
-  RETURN_IF_ERROR(CheckNewRejudge(rejudge));
   ASSIGN_OR_RETURN(RejudgePlan plan, readers_.Read<RejudgePlan>([&](const Transaction& reader) {
                      return PlanRejudge(reader, rejudge, core_.options().data_dir);
                    }));
   const auto to_queue = std::make_shared<EvaluationIds>();
   ASSIGN_OR_RETURN(
-      RejudgeRow created,
-      Change<RejudgeRow>(
-          [=, items = std::move(plan.items)](Transaction& writer) -> absl::StatusOr<RejudgeRow> {
+      plan.rejudge,
+      Change<int64_t>(
+          [=, items = std::move(plan.items)](Transaction& writer) -> absl::StatusOr<int64_t> {
             ASSIGN_OR_RETURN(RejudgeRow row, writer.rejudges.Add(rejudge, sign, who));
             to_queue->clear();
             for (NewRejudgeItem item : items) {
               item.rejudge = row.id;
               RETURN_IF_ERROR(AddItem(writer, item, who, *to_queue));
             }
-            return row;
+            return row.id;
           },
-          timeout, [this, to_queue](const RejudgeRow&) { return EnqueueAll(core_, *to_queue); }));
-  return CreatedRejudge{std::move(created), std::move(plan)};
+          timeout, [this, to_queue](int64_t) { return EnqueueAll(core_, *to_queue); }));
+  return plan;
 }
 
 absl::StatusOr<RejudgeDone> Engine::EndRejudge(bool apply, const RejudgeAct& act,
@@ -289,7 +288,7 @@ absl::StatusOr<RejudgeDone> Engine::EndRejudge(bool apply, const RejudgeAct& act
                                                absl::Duration timeout, AfterRejudge after) {
   return Change<RejudgeDone>(
       [=](Transaction& writer) {
-        return apply ? writer.rejudges.Apply(act, sign, who) : writer.rejudges.Drop(act, sign, who);
+        return writer.rejudges.End(apply, act, sign, who);
       },
       timeout,
       [this, after = std::move(after)](const RejudgeDone& done) {
@@ -299,26 +298,25 @@ absl::StatusOr<RejudgeDone> Engine::EndRejudge(bool apply, const RejudgeAct& act
       });
 }
 
-absl::StatusOr<std::vector<absl::Status>> Engine::AddRejudgeItems(
-    std::vector<NewRejudgeItem> items, absl::Duration timeout) {
-  using Statuses = std::vector<absl::Status>;
+absl::Status Engine::AddRejudgeItems(std::vector<NewRejudgeItem> items, absl::Duration timeout) {
   const auto to_queue = std::make_shared<EvaluationIds>();
-  return Change<Statuses>(
-      [=, items = std::move(items)](Transaction& writer) -> absl::StatusOr<Statuses> {
-        Statuses statuses;
+  return Change(
+      [=, items = std::move(items)](Transaction& writer) {
         to_queue->clear();
         absl::Status passing;
         for (const NewRejudgeItem& item : items) {
-          statuses.push_back(writer.Part(
-              [&](Transaction& part) { return AddItem(part, item, kRejudger, *to_queue); }));
-          if (MayPass(statuses.back()) || IsBrokenStore(statuses.back())) {
-            passing.Update(statuses.back());
+          const absl::Status added = writer.Part(
+              [&](Transaction& part) { return AddItem(part, item, kRejudger, *to_queue); });
+          if (MayPass(added) || IsBrokenStore(added)) {
+            passing.Update(added);
+          } else if (!added.ok()) {
+            // One that was dropped meanwhile takes no more items.
+            spdlog::warn("can't add an item: {}", std::string(added.message()));
           }
         }
-        RETURN_IF_ERROR(passing);
-        return statuses;
+        return passing;
       },
-      timeout, [this, to_queue](const Statuses&) { return EnqueueAll(core_, *to_queue); });
+      timeout, [this, to_queue] { return EnqueueAll(core_, *to_queue); });
 }
 
 }  // namespace myograde::server

@@ -57,7 +57,7 @@ class CommandQueue {
   bool closed_ ABSL_GUARDED_BY(mutex_) = false;
 };
 
-struct CreatedRejudge;  // server/engine/rejudges.h
+struct RejudgePlan;  // server/engine/rejudges.h
 
 // What follows from an act on a rejudge.
 using AfterRejudge = std::function<void(const RejudgeDone&)>;
@@ -111,20 +111,19 @@ class Engine {
   // What this host grades with: GraderBuild with its adapters and runtimes.
   nlohmann::json HostBuild() const;
 
-  // Rejudges (store/rejudges.h). Errors of CheckNewRejudge and of the Writer's operations. `sign` runs
+  // Rejudges (store/rejudges.h). Errors of PlanRejudge and of the Writer's operations. `sign` runs
   // on the loop's thread, in the act's transaction: its error undoes the whole.
   // `after` (if set) runs on that thread too, once the act is written: also for a caller who did not
   // wait for it, and in the order of the acts. It must own what it touches.
-  absl::StatusOr<CreatedRejudge> CreateRejudge(const NewRejudge& rejudge, const SignDocument& sign,
-                                               const std::string& who, absl::Duration timeout);
+  absl::StatusOr<RejudgePlan> CreateRejudge(const NewRejudge& rejudge, const SignDocument& sign,
+                                            const std::string& who, absl::Duration timeout);
   // Applies it, or drops it, which kills its running leases.
   absl::StatusOr<RejudgeDone> EndRejudge(bool apply, const RejudgeAct& act,
                                          const SignDocument& sign, const std::string& who,
                                          absl::Duration timeout, AfterRejudge after = nullptr);
-  // For Rejudger: adds items, each as a whole or not at all, and queues those to play. Returns what
-  // each became.
-  absl::StatusOr<std::vector<absl::Status>> AddRejudgeItems(std::vector<NewRejudgeItem> items,
-                                                            absl::Duration timeout);
+  // For Rejudger: adds items, each as a whole or not at all, and queues those to play. One that is
+  // refused is logged.
+  absl::Status AddRejudgeItems(std::vector<NewRejudgeItem> items, absl::Duration timeout);
 
   // Views. Safe from any thread; never wait for a runner or the disk.
   QueueOutlook EstimateOutlook(int64_t evaluation) const {

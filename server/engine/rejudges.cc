@@ -1,7 +1,7 @@
 #include "server/engine/rejudges.h"
 
 #include <algorithm>
-#include <set>
+#include <utility>
 
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
@@ -31,12 +31,41 @@ bool HaveSameFacts(const std::string& from_json, const std::string& to_json) {
   return from == to;
 }
 
-// Of those listed, the ones that have a result; an error names one that has none.
-absl::Status CheckListed(const NewRejudge& rejudge, const std::vector<NewEvaluation>& candidates) {
-  std::set<int64_t> found;
-  for (const NewEvaluation& candidate : candidates) found.insert(candidate.submission);
+absl::Status CheckNewRejudge(const NewRejudge& rejudge) {
+  const bool rules = rejudge.purpose == RejudgePurpose::kRules;
+  const bool facts = rejudge.method == RejudgeMethod::kFacts;
+  if (rejudge.why.empty()) return absl::InvalidArgumentError("a rejudge needs a reason");
+  if (rejudge.repeats < 1 || rejudge.repeats > kMostRepeats) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("a rejudge has 1 to ", kMostRepeats, " repeats, not ", rejudge.repeats));
+  }
+  if (rules != rejudge.submissions.empty()) {
+    return absl::InvalidArgumentError(
+        rules ? "a change of rules covers all submissions of the board; don't list some"
+              : "list at least one submission for further episodes");
+  }
+  if (facts && (rejudge.repeats > 1 || !rules)) {
+    return absl::InvalidArgumentError(
+        "repeats and further episodes have to be played; stored facts are not enough");
+  }
+  if (facts && !HaveSameFacts(rejudge.from_config_json, rejudge.to_config_json)) {
+    return absl::InvalidArgumentError(
+        "stored facts are not enough: the configs differ in more than \"scoring\"; leave the "
+        "method at \"auto\", or choose \"play\"");
+  }
+  for (const auto& [hash, json] : {std::pair(&rejudge.from_config, &rejudge.from_config_json),
+                                   std::pair(&rejudge.to_config, &rejudge.to_config_json),
+                                   std::pair(&rejudge.seeds, &rejudge.seeds_json)}) {
+    if (Sha256Hex(*json) == *hash) continue;
+    return absl::InvalidArgumentError(absl::StrCat(*hash, " is not the hash of its content"));
+  }
+  return absl::OkStatus();
+}
+
+// Of those listed, each is to have a result.
+absl::Status CheckListed(const NewRejudge& rejudge, const std::vector<NewEvaluation>& missing) {
   for (const int64_t submission : rejudge.submissions) {
-    if (found.contains(submission)) continue;
+    if (std::ranges::find(missing, submission, &NewEvaluation::submission) != missing.end()) continue;
     return absl::InvalidArgumentError(
         absl::StrCat("submission ", submission,
                      " can't get further episodes: it is not ranked, has "
@@ -87,41 +116,33 @@ absl::Status JudgeAnew(const Transaction& reader, const Track& track,
 // One that can't be read, or judged, is without a result, and holds up no other.
 absl::StatusOr<NewRejudgeItem> WithoutResult(const absl::Status& why, NewRejudgeItem item) {
   if (MayPass(why) || IsBrokenStore(why)) return why;
-  if (!why.ok()) item.impossible = std::string(why.message());
+  item.impossible = std::string(why.message());
   return item;
 }
 
-// How an item is made whose source was played by `source_grader`; `today` is this host's build.
-// kFacts or kPlay.
-RejudgeMethod ChooseMethod(RejudgeMethod asked, int64_t repeats, bool same_facts,
-                           const Json& source_grader, const Json& today) {
-  if (asked != RejudgeMethod::kAuto) return asked;
-  const bool facts = repeats == 1 && same_facts && SameSimulation(source_grader, today);
-  return facts ? RejudgeMethod::kFacts : RejudgeMethod::kPlay;
-}
-
 // An item but for its blocks and what is computed; impossible if it has to be played and the files
-// of its artefact are no longer in `data_dir`.
+// of its artefact are no longer in `data_dir`. `today` is this host's build.
 absl::StatusOr<NewRejudgeItem> ItemOf(const Transaction& reader, const RejudgeRow& rejudge,
                                       const NewEvaluation& candidate, bool same_facts,
                                       const Json& today, const std::string& data_dir) {
   NewRejudgeItem item{candidate};
   item.grader_json = CanonicalJson(today);
   const absl::StatusOr<EvaluationRow> source = reader.evaluations.Find(candidate.source);
-  absl::Status readable = source.status();
-  if (source.ok()) {
-    item.method = ChooseMethod(rejudge.method, rejudge.repeats, same_facts,
-                               ParsedText(source->grader_json), today);
+  if (!source.ok()) return WithoutResult(source.status(), std::move(item));
+  item.method = rejudge.method;
+  if (item.method == RejudgeMethod::kAuto) {
+    const bool facts = rejudge.repeats == 1 && same_facts &&
+                       SameSimulation(ParsedText(source->grader_json), today);
+    item.method = facts ? RejudgeMethod::kFacts : RejudgeMethod::kPlay;
   }
-  if (source.ok() && item.method == RejudgeMethod::kPlay) {
-    const absl::StatusOr<SubmissionRow> row = reader.submissions.Find(candidate.submission);
-    readable = row.status();
-    if (row.ok() && !HasArtefactFiles(data_dir, row->artefact).ok()) {
-      item.impossible = absl::StrCat("it can't be played again: the files of artefact ",
-                                     row->artefact, " are no longer on this host");
-    }
+  if (item.method == RejudgeMethod::kFacts) return item;
+  const absl::StatusOr<SubmissionRow> row = reader.submissions.Find(candidate.submission);
+  if (!row.ok()) return WithoutResult(row.status(), std::move(item));
+  if (!HasArtefactFiles(data_dir, row->artefact).ok()) {
+    item.impossible = absl::StrCat("it can't be played again: the files of artefact ",
+                                   row->artefact, " are no longer on this host");
   }
-  return WithoutResult(readable, std::move(item));
+  return item;
 }
 
 }  // namespace
@@ -145,40 +166,10 @@ bool SameSimulation(const Json& a, const Json& b) {
   });
 }
 
-absl::Status CheckNewRejudge(const NewRejudge& rejudge) {
-  const bool rules = rejudge.purpose == RejudgePurpose::kRules;
-  const bool facts = rejudge.method == RejudgeMethod::kFacts;
-  if (rejudge.why.empty()) return absl::InvalidArgumentError("a rejudge needs a reason");
-  if (rejudge.repeats < 1 || rejudge.repeats > kMostRepeats) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("a rejudge has 1 to ", kMostRepeats, " repeats, not ", rejudge.repeats));
-  }
-  if (rules != rejudge.submissions.empty()) {
-    return absl::InvalidArgumentError(
-        rules ? "a change of rules covers all submissions of the board; don't list some"
-              : "list at least one submission for further episodes");
-  }
-  if (facts && (rejudge.repeats > 1 || !rules)) {
-    return absl::InvalidArgumentError(
-        "repeats and further episodes have to be played; stored facts are not enough");
-  }
-  if (facts && !HaveSameFacts(rejudge.from_config_json, rejudge.to_config_json)) {
-    return absl::InvalidArgumentError(
-        "stored facts are not enough: the configs differ in more than \"scoring\"; leave the "
-        "method at \"auto\", or choose \"play\"");
-  }
-  for (const auto& [hash, json] : {std::pair(&rejudge.from_config, &rejudge.from_config_json),
-                                   std::pair(&rejudge.to_config, &rejudge.to_config_json),
-                                   std::pair(&rejudge.seeds, &rejudge.seeds_json)}) {
-    if (Sha256Hex(*json) == *hash) continue;
-    return absl::InvalidArgumentError(absl::StrCat(*hash, " is not the hash of its content"));
-  }
-  return absl::OkStatus();
-}
-
 absl::StatusOr<RejudgePlan> PlanRejudge(const Transaction& reader, const NewRejudge& rejudge,
                                         const std::string& data_dir) {
-  const std::vector<NewEvaluation> candidates = reader.rejudges.CandidatesFor(rejudge);
+  RETURN_IF_ERROR(CheckNewRejudge(rejudge));
+  const auto candidates = reader.rejudges.MissingItems(rejudge, rejudge.submissions);
   RETURN_IF_ERROR(CheckListed(rejudge, candidates));
   const bool same_facts = rejudge.purpose == RejudgePurpose::kRules &&
                           HaveSameFacts(rejudge.from_config_json, rejudge.to_config_json);
@@ -257,7 +248,7 @@ absl::StatusOr<Rejudger::Work> Rejudger::FindWork(const Transaction& reader, Rej
 
 absl::Status Rejudger::Carry(const Work& work) {
   const Json today = options_.grader();
-  Items items;
+  std::vector<NewRejudgeItem> items;
   int64_t rows = 0;  // that adding them writes
   for (const NewEvaluation& candidate : work.missing) {
     if (stop_.stop_requested()) return absl::OkStatus();
@@ -268,10 +259,10 @@ absl::Status Rejudger::Carry(const Work& work) {
     rows += std::ssize(item.episodes) + 2 * std::ssize(item.blocks);
     items.push_back(std::move(item));
     if (rows < kRowsAtOnce) continue;
-    RETURN_IF_ERROR(Write(std::exchange(items, {})));
+    RETURN_IF_ERROR(engine_.AddRejudgeItems(std::exchange(items, {}), kWrite));
     rows = 0;
   }
-  return items.empty() ? absl::OkStatus() : Write(std::move(items));
+  return items.empty() ? absl::OkStatus() : engine_.AddRejudgeItems(std::move(items), kWrite);
 }
 
 absl::StatusOr<NewRejudgeItem> Rejudger::Make(const Transaction& reader, const Work& work,
@@ -282,17 +273,8 @@ absl::StatusOr<NewRejudgeItem> Rejudger::Make(const Transaction& reader, const W
   item.blocks = SplitIntoBlocks(std::ssize(*work.seeds), work.track->config.episodes_per_lease);
   if (item.method != RejudgeMethod::kFacts || !item.impossible.empty()) return item;
   const absl::Status judged = JudgeAnew(reader, *work.track, *work.seeds, item);
-  return WithoutResult(judged, std::move(item));
-}
-
-absl::Status Rejudger::Write(Items items) {
-  ASSIGN_OR_RETURN(const std::vector<absl::Status> statuses,
-                   engine_.AddRejudgeItems(std::move(items), kWrite));
-  for (const absl::Status& status : statuses) {
-    // One that was dropped meanwhile takes no more items.
-    if (!status.ok()) spdlog::warn("can't add an item: {}", std::string(status.message()));
-  }
-  return absl::OkStatus();
+  if (!judged.ok()) return WithoutResult(judged, std::move(item));
+  return item;
 }
 
 }  // namespace myograde::server

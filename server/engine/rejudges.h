@@ -18,6 +18,7 @@ namespace myograde::server {
 
 // How the submissions that a new rejudge finds will get their results.
 struct RejudgePlan {
+  int64_t rejudge = 0;  // its id, once it is created
   int64_t submissions = 0;
   int64_t facts = 0;  // items
   int64_t play = 0;
@@ -28,21 +29,14 @@ struct RejudgePlan {
   std::vector<NewRejudgeItem> items;
 };
 
-struct CreatedRejudge {
-  RejudgeRow rejudge;
-  RejudgePlan plan;
-};
-
 // Whether a build `b` has the simulator, library, compiled models and adapters of `a`
 // (GraderBuild).
 bool SameSimulation(const nlohmann::json& a, const nlohmann::json& b);
 
-// InvalidArgumentError, in one sentence: `repeats` out of range, submissions listed for a purpose
-// that takes none, facts asked for where more than scoring differs or where repetitions are, ...
-absl::Status CheckNewRejudge(const NewRejudge& rejudge);
-
-// What it would do now. The artefacts' files are those in `data_dir`. InvalidArgumentError: a
-// listed submission has no result that further episodes could be added to.
+// What it would do now. The artefacts' files are those in `data_dir`. InvalidArgumentError, in one
+// sentence: `repeats` out of range, submissions listed for a purpose that takes none, facts asked for
+// where more than scoring differs or where repetitions are, a listed submission without a result that
+// further episodes could be added to, ...
 absl::StatusOr<RejudgePlan> PlanRejudge(const Transaction& reader, const NewRejudge& rejudge,
                                         const std::string& data_dir);
 
@@ -70,7 +64,6 @@ class Rejudger {
     SeedsPtr seeds;
     bool same_facts = false;
   };
-  using Items = std::vector<NewRejudgeItem>;
 
   void Loop();
   // An error: something has to be tried again.
@@ -79,7 +72,6 @@ class Rejudger {
   absl::Status Carry(const Work& work);
   absl::StatusOr<NewRejudgeItem> Make(const Transaction& reader, const Work& work,
                                       const NewEvaluation& candidate, const nlohmann::json& today);
-  absl::Status Write(Items items);
 
   const RejudgerOptions options_;
   Engine& engine_;

@@ -17,61 +17,29 @@ namespace {
 
 using State = RejudgeProgress::State;
 
-// What a board's submissions have as their results under from_config, and which of them a rejudge
-// has no evaluation of; first repetitions first. `latest`: the latest acceptance that counts.
-std::vector<NewEvaluation> Candidates(SQLite::Database& db, const BoardState& board,
-                                      const RejudgeRow& rejudge, int64_t latest) {
-  std::set<std::pair<int64_t, int64_t>> there;
-  Statement select(db, "SELECT submission, repetition FROM evaluation WHERE rejudge = ?",
-                   rejudge.id);
-  while (select.executeStep()) {
-    there.emplace(select.getColumn(0).getInt64(), select.getColumn(1).getInt64());
-  }
-  const auto in_force = board.InForce(rejudge.from_config, {.ignored_rejudge = rejudge.id});
-  std::vector<NewEvaluation> candidates;
-  for (int64_t repetition = 1; repetition <= rejudge.repeats; ++repetition) {
-    for (const auto& [submission, result] : in_force) {
-      const AcceptedSubmission& accepted = board.submissions().at(submission);
-      if (accepted.board != rejudge.board() || accepted.at > latest) continue;
-      if (there.contains({submission, repetition})) continue;
-      candidates.push_back({.submission = submission,
-                            .kind = EvaluationKind::kRejudge,
-                            .config = rejudge.to_config,
-                            .seeds = rejudge.seeds,
-                            .rejudge = rejudge.id,
-                            .repetition = repetition,
-                            .source = result->evaluation});
-    }
-  }
-  return candidates;
-}
-
 absl::Status Refused(const RejudgeRow& rejudge, const std::string& what) {
   return absl::FailedPreconditionError(absl::StrCat("rejudge ", rejudge.id, " ", what));
 }
 
 // A later one of the same board that is applied, or 0.
 int64_t LaterApplied(const BoardState& board, const RejudgeRow& rejudge) {
-  int64_t later = 0;
-  int64_t latest = rejudge.events.back().id;
-  for (const auto& [id, other] : board.rejudges()) {
-    if (other.purpose != RejudgePurpose::kRules || other.board() != rejudge.board() ||
-        other.last() != RejudgeEvent::kApplied || other.events.back().id <= latest) {
-      continue;
-    }
-    later = id;
-    latest = other.events.back().id;
-  }
-  return later;
+  const auto& all = board.rejudges();
+  const auto later = std::find_if(all.rbegin(), all.rend(), [&](const auto& entry) {
+    const RejudgeRow& other = entry.second;
+    return other.purpose == RejudgePurpose::kRules && other.board == rejudge.board &&
+           other.last() == RejudgeEvent::kApplied &&
+           other.events.back().id > rejudge.events.back().id;
+  });
+  return later == all.rend() ? 0 : later->first;
 }
 
-std::string Listing(const std::vector<int64_t>& submissions) {
+std::string Listing(const std::set<int64_t>& submissions) {
   return submissions.empty() ? "none" : absl::StrJoin(submissions, ", ");
 }
 
 // "" if a rejudge may be applied, else why not.
 std::string WhyNotApplied(const RejudgeRow& rejudge, const RejudgeProgress& progress,
-                          std::vector<int64_t> without, const std::string& in_force) {
+                          const std::set<int64_t>& without, const std::string& in_force) {
   if (rejudge.purpose == RejudgePurpose::kSeeds) {
     return "can't be applied: it plays further episodes for the statistics, and no rank follows from "
            "them";
@@ -93,10 +61,8 @@ std::string WhyNotApplied(const RejudgeRow& rejudge, const RejudgeProgress& prog
                         ", and the board's config is now ", in_force.substr(0, 12),
                         "; create a new one");
   }
-  std::sort(without.begin(), without.end());
-  without.erase(std::unique(without.begin(), without.end()), without.end());
-  std::vector<int64_t> lacking;
-  for (const EvaluationRow& item : progress.without_result) lacking.push_back(item.submission);
+  std::set<int64_t> lacking;
+  for (const EvaluationRow& item : progress.without_result) lacking.insert(item.submission);
   if (without == lacking) return "";
   return absl::StrCat("has no result of these submissions: ", Listing(lacking),
                       "; to apply it without them, name exactly these (they are off the board "
@@ -120,7 +86,7 @@ nlohmann::json ResultsOf(const std::vector<EvaluationRow>& evaluations) {
 
 // The config in force on its board; a board without submissions has still the one that it began with.
 std::string ConfigInForce(const BoardState& board, const RejudgeRow& rejudge) {
-  const std::string config = board.ConfigAt(rejudge.board());
+  const std::string config = board.ConfigAt(rejudge.board);
   return config.empty() ? rejudge.from_config : config;
 }
 
@@ -166,26 +132,38 @@ absl::StatusOr<RejudgeProgress> Rejudges::CountProgress(const RejudgeRow& rejudg
   return progress;
 }
 
-std::vector<NewEvaluation> Rejudges::MissingItems(const RejudgeRow& rejudge) const {
-  if (rejudge.purpose != RejudgePurpose::kRules) return {};
+std::vector<NewEvaluation> Rejudges::MissingItems(const RejudgeRow& rejudge,
+                                                  const std::set<int64_t>& listed) const {
   // Where the config stays, what was accepted after it was applied has its result under it.
   int64_t latest = INT64_MAX;
   for (const RejudgeEventRow& event : rejudge.events) {
     const bool applied = event.event == RejudgeEvent::kApplied;
     if (applied && rejudge.from_config == rejudge.to_config) latest = std::min(latest, event.at);
   }
-  return Candidates(db_, Board(), rejudge, latest);
-}
-
-std::vector<NewEvaluation> Rejudges::CandidatesFor(const NewRejudge& rejudge) const {
-  std::vector<NewEvaluation> candidates = Candidates(db_, Board(), rejudge, INT64_MAX);
-  if (rejudge.purpose == RejudgePurpose::kSeeds) {
-    const std::set<int64_t> listed(rejudge.submissions.begin(), rejudge.submissions.end());
-    std::erase_if(candidates, [&](const NewEvaluation& candidate) {
-      return !listed.contains(candidate.submission);
-    });
+  std::set<std::pair<int64_t, int64_t>> there;
+  Statement select(db_, "SELECT submission, repetition FROM evaluation WHERE rejudge = ?",
+                   rejudge.id);
+  while (select.executeStep()) {
+    there.emplace(select.getColumn(0).getInt64(), select.getColumn(1).getInt64());
   }
-  return candidates;
+  const auto in_force = Board().InForce(rejudge.from_config, {.ignored_rejudge = rejudge.id});
+  std::vector<NewEvaluation> missing;
+  for (int64_t repetition = 1; repetition <= rejudge.repeats; ++repetition) {
+    for (const auto& [submission, result] : in_force) {
+      const AcceptedSubmission& accepted = Board().submissions().at(submission);
+      if (accepted.board != rejudge.board || accepted.at > latest) continue;
+      if (rejudge.purpose == RejudgePurpose::kSeeds && !listed.contains(submission)) continue;
+      if (there.contains({submission, repetition})) continue;
+      missing.push_back({.submission = submission,
+                         .kind = EvaluationKind::kRejudge,
+                         .config = rejudge.to_config,
+                         .seeds = rejudge.seeds,
+                         .rejudge = rejudge.id,
+                         .repetition = repetition,
+                         .source = result->evaluation});
+    }
+  }
+  return missing;
 }
 
 absl::StatusOr<std::map<int64_t, std::vector<DifferentEpisode>>> Rejudges::ListUnrepeatable(
@@ -258,12 +236,12 @@ absl::StatusOr<RejudgeEventRow> Rejudges::AddEvent(const RejudgeRow& rejudge, Re
 
 absl::StatusOr<RejudgeRow> Rejudges::Add(const NewRejudge& rejudge, const SignDocument& sign,
                                          const std::string& who) {
-  RETURN_IF_ERROR(Content(context_).AddConfig(rejudge.from_config, rejudge.track, rejudge.profile,
-                                              rejudge.from_config_json));
-  RETURN_IF_ERROR(Content(context_).AddConfig(rejudge.to_config, rejudge.track, rejudge.profile,
-                                              rejudge.to_config_json));
+  Content content(context_);
+  const auto& [phase, track, profile] = rejudge.board;
   RETURN_IF_ERROR(
-      Content(context_).AddSeedList(rejudge.seeds, rejudge.seed_count, rejudge.seeds_json));
+      content.AddConfig(rejudge.from_config, track, profile, rejudge.from_config_json));
+  RETURN_IF_ERROR(content.AddConfig(rejudge.to_config, track, profile, rejudge.to_config_json));
+  RETURN_IF_ERROR(content.AddSeedList(rejudge.seeds, rejudge.seed_count, rejudge.seeds_json));
   const auto& earlier = Board().rejudges();
   RejudgeRow row = rejudge;
   row.id = earlier.empty() ? 1 : earlier.rbegin()->first + 1;
@@ -334,36 +312,31 @@ absl::StatusOr<Accepted> Rejudges::AddJudged(const NewRejudgeItem& item, const s
   return Accepted{.submission = item.submission, .evaluation = evaluation};
 }
 
-absl::StatusOr<RejudgeDone> Rejudges::Finish(const RejudgeRow& rejudge, RejudgeEvent event,
-                                             const RejudgeAct& act, const SignDocument& sign,
-                                             const std::string& who, RejudgeDone done) {
+absl::StatusOr<RejudgeDone> Rejudges::End(bool apply, const RejudgeAct& act,
+                                          const SignDocument& sign, const std::string& who) {
+  ASSIGN_OR_RETURN(const RejudgeRow rejudge, Find(act.rejudge));
+  RejudgeDone done;
+  done.config_before = ConfigInForce(Board(), rejudge);
+  done.config_after = apply ? rejudge.to_config : done.config_before;
+  if (apply) {
+    ASSIGN_OR_RETURN(const RejudgeProgress progress, CountProgress(rejudge));
+    const std::string why = WhyNotApplied(rejudge, progress, act.without, done.config_before);
+    if (!why.empty()) return Refused(rejudge, why);
+  } else {
+    RETURN_IF_ERROR(Drop(rejudge, who, done));
+  }
+  const RejudgeEvent event = apply ? RejudgeEvent::kApplied : RejudgeEvent::kDropped;
   ASSIGN_OR_RETURN(done.event, AddEvent(rejudge, event, act.why, sign, who));
   if (done.config_after == done.config_before) return done;
   RETURN_IF_ERROR(
       Journal(context_)
           .SetBoardConfig(
-              {.board = rejudge.board(), .config = done.config_after, .rejudge = rejudge.id}, who)
+              {.board = rejudge.board, .config = done.config_after, .rejudge = rejudge.id}, who)
           .status());
   return done;
 }
 
-absl::StatusOr<RejudgeDone> Rejudges::Apply(const RejudgeAct& act, const SignDocument& sign,
-                                            const std::string& who) {
-  ASSIGN_OR_RETURN(const RejudgeRow rejudge, Find(act.rejudge));
-  ASSIGN_OR_RETURN(const RejudgeProgress progress, CountProgress(rejudge));
-  RejudgeDone done;
-  done.config_before = ConfigInForce(Board(), rejudge);
-  if (const std::string why = WhyNotApplied(rejudge, progress, act.without, done.config_before);
-      !why.empty()) {
-    return Refused(rejudge, why);
-  }
-  done.config_after = rejudge.to_config;
-  return Finish(rejudge, RejudgeEvent::kApplied, act, sign, who, std::move(done));
-}
-
-absl::StatusOr<RejudgeDone> Rejudges::Drop(const RejudgeAct& act, const SignDocument& sign,
-                                           const std::string& who) {
-  ASSIGN_OR_RETURN(const RejudgeRow rejudge, Find(act.rejudge));
+absl::Status Rejudges::Drop(const RejudgeRow& rejudge, const std::string& who, RejudgeDone& done) {
   const RejudgeEventRow& last = rejudge.events.back();
   if (last.event == RejudgeEvent::kDropped) return Refused(rejudge, "was dropped already");
   const bool applied = last.event == RejudgeEvent::kApplied;
@@ -371,16 +344,12 @@ absl::StatusOr<RejudgeDone> Rejudges::Drop(const RejudgeAct& act, const SignDocu
     return Refused(rejudge, absl::StrCat("can't be dropped before rejudge ", later,
                                          ", which was applied after it to the same board"));
   }
-  RejudgeDone done;
-  done.config_before = ConfigInForce(Board(), rejudge);
   // If the config files have changed the board's config since, it stays.
-  const bool back = applied && done.config_before == rejudge.to_config;
-  done.config_after = back ? rejudge.from_config : done.config_before;
+  if (applied && done.config_before == rejudge.to_config) done.config_after = rejudge.from_config;
   if (applied && rejudge.from_config != rejudge.to_config) {
-    const auto& submissions = Board().submissions();
-    done.stay = std::count_if(submissions.begin(), submissions.end(), [&](const auto& one) {
-      return one.second.config == rejudge.to_config && one.second.board.phase == rejudge.phase &&
-             one.second.at >= last.at;
+    done.stay = std::ranges::count_if(Board().submissions(), [&](const auto& one) {
+      return one.second.config == rejudge.to_config &&
+             one.second.board.phase == rejudge.board.phase && one.second.at >= last.at;
     });
   }
   done.cancelled = AllValues<int64_t>(db_, R"(SELECT id FROM evaluation
@@ -391,7 +360,7 @@ absl::StatusOr<RejudgeDone> Rejudges::Drop(const RejudgeAct& act, const SignDocu
         evaluation, EvaluationState::kCancelled,
         absl::StrCat("rejudge ", rejudge.id, " was dropped"), who));
   }
-  return Finish(rejudge, RejudgeEvent::kDropped, act, sign, who, std::move(done));
+  return absl::OkStatus();
 }
 
 }  // namespace myograde::server

@@ -10,6 +10,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -54,7 +55,7 @@ struct NewRejudge : RejudgeRow {
   // The build that plays its items; "": this host's, as the engine finds it.
   std::string grader_json = "";
   // Purpose kSeeds: exactly these get items, all in the change that creates it. Otherwise empty.
-  std::vector<int64_t> submissions = {};
+  std::set<int64_t> submissions = {};
 };
 
 // Signs the document of an act: 128 hexadecimal digits. Called inside the change, whose id and time
@@ -79,7 +80,7 @@ struct RejudgeAct {
   std::string why;
   // For apply: the submissions that the caller knows to have no result. It must name exactly
   // RejudgeProgress::without_result.
-  std::vector<int64_t> without = {};
+  std::set<int64_t> without = {};
 };
 
 struct RejudgeDone {
@@ -106,11 +107,10 @@ class Rejudges : StorePart {
 
   absl::StatusOr<RejudgeRow> Find(int64_t id) const;
   absl::StatusOr<RejudgeProgress> CountProgress(const RejudgeRow& rejudge) const;
-  // The items that it lacks, first repetitions first, without what depends on how they are made;
-  // none for purpose kSeeds.
-  std::vector<NewEvaluation> MissingItems(const RejudgeRow& rejudge) const;
-  // The same before it is created.
-  std::vector<NewEvaluation> CandidatesFor(const NewRejudge& rejudge) const;
+  // The items that it lacks, first repetitions first, without what depends on how they are made. Of
+  // one that is still to be created, all; of purpose kSeeds only those of `listed`.
+  std::vector<NewEvaluation> MissingItems(const RejudgeRow& rejudge,
+                                          const std::set<int64_t>& listed = {}) const;
   // By submission, every episode that repetitions which have ended as done or failed differ in.
   absl::StatusOr<std::map<int64_t, std::vector<DifferentEpisode>>> ListUnrepeatable(
       int64_t rejudge) const;
@@ -120,25 +120,21 @@ class Rejudges : StorePart {
   // The answer has blocks if its `evaluation` is to be queued. Adding an item that is there changes
   // nothing, and `repeated` is true. FailedPreconditionError if the rejudge was dropped.
   absl::StatusOr<Accepted> AddItem(const NewRejudgeItem& item, const std::string& who);
-  // Event and board_config row. FailedPreconditionError, in one sentence: it is of purpose kSeeds,
-  // is applied already, is not complete, has other submissions without result than `without` says,
-  // or the board's config in force is not from_config.
-  absl::StatusOr<RejudgeDone> Apply(const RejudgeAct& act, const SignDocument& sign,
-                                    const std::string& who);
-  // Event; cancels its unfinished evaluations; if it was applied, the board has its config of
-  // before. FailedPreconditionError: it was dropped before, or a later one of its board is applied.
-  absl::StatusOr<RejudgeDone> Drop(const RejudgeAct& act, const SignDocument& sign,
-                                   const std::string& who);
+  // Applies or drops it: adds the event, and gives the board the config that it has then.
+  // FailedPreconditionError, in one sentence: to apply, it is of purpose kSeeds, is applied already,
+  // is not complete, has other submissions without result than `without` says, or the board's config
+  // in force is not from_config; to drop, it was dropped before, or a later one of its board is
+  // applied.
+  absl::StatusOr<RejudgeDone> End(bool apply, const RejudgeAct& act, const SignDocument& sign,
+                                  const std::string& who);
 
  private:
   absl::StatusOr<Accepted> AddJudged(const NewRejudgeItem& item, const std::string& who);
   absl::StatusOr<RejudgeEventRow> AddEvent(const RejudgeRow& rejudge, RejudgeEvent event,
                                            const std::string& why, const SignDocument& sign,
                                            const std::string& who);
-  // Adds the event, and gives the board the config that it has after the act.
-  absl::StatusOr<RejudgeDone> Finish(const RejudgeRow& rejudge, RejudgeEvent event,
-                                     const RejudgeAct& act, const SignDocument& sign,
-                                     const std::string& who, RejudgeDone done);
+  // Cancels its unfinished evaluations; if it was applied, the board is to have its config of before.
+  absl::Status Drop(const RejudgeRow& rejudge, const std::string& who, RejudgeDone& done);
 };
 
 }  // namespace myograde::server

@@ -102,7 +102,7 @@ MUTANTS = [
     ("store_test", "QuotaTest.*", STORE + "quota.cc", "amount BETWEEN 1 AND ?", "amount < ?"),
     ("store_test", "QuotaTest.*", STORE + "quota.cc", "admission WHERE day <= ?1", "admission WHERE day != ?1"),
     # What counts on a board.
-    ("board_test", "*", BOARD + "board_state.cc", "} else if (result.repetition == 1) {", "} else {"),
+    ("board_test", "*", BOARD + "board_state.cc", "} else if (!repeated) {", "} else {"),
     ("board_test", "*", BOARD + "board_results.cc", "return !entry.second->graded;", "return false;"),
     ("board_test", "*", BOARD + "board_results.cc", "id == moment.assumed_rejudge || id == moment.ignored_rejudge",
      "id == moment.assumed_rejudge"),

@@ -189,8 +189,7 @@ class Board {
     std::string config;
     std::vector<int64_t> cancelled;
     const absl::Status status = store_->Write([&](Transaction& writer) {
-      const absl::StatusOr<RejudgeDone> done = apply ? writer.rejudges.Apply(act, Sign, "uid 0")
-                                                     : writer.rejudges.Drop(act, Sign, "uid 0");
+      const absl::StatusOr<RejudgeDone> done = writer.rejudges.End(apply, act, Sign, "uid 0");
       if (done.ok()) config = done->config_after;
       if (done.ok()) cancelled = done->cancelled;
       return done.status();

@@ -176,6 +176,31 @@ TEST_F(BoardStateTest, AnActThatSaysTooLittleIsToldAndStopsNoOther) {
   EXPECT_EQ(state_.submissions().at(1).artefact, "a");
 }
 
+TEST_F(BoardStateTest, ARejudgeThatSaysTooLittleLeavesNothingBehind) {
+  const Json act = {{"event", "applied"}, {"rejudge", 1}, {"document_sha256", "d"},
+                    {"signature", "f"}, {"document", {{"who", "uid 0"}, {"reason", "a vote"}}}};
+  EXPECT_THAT(TryAct(kRejudgeAct, act).message(), HasSubstr("lacks"));
+  EXPECT_THAT(state_.rejudges(), IsEmpty());
+  Rejudge(2, "created");
+  Json again = act;
+  again["rejudge"] = 2;
+  again["document"].erase("reason");
+  EXPECT_THAT(TryAct(kRejudgeAct, again).message(), HasSubstr("lacks"));
+  EXPECT_EQ(state_.Rejudge(2)->last(), RejudgeEvent::kCreated);
+}
+
+TEST_F(BoardStateTest, ABanOfTheTeamThatAnotherWasMergedIntoChangesTheBoard) {
+  for (const int64_t team : {1, 2, 3}) Team(team);
+  Accept(1, 1);
+  End(11, 1);
+  Do(kTeamAct, {{"event", "merged"}, {"team_id", 1}, {"team", "team 1"}, {"into", 2}});
+  EXPECT_EQ(state_.ChangedAt(kOld, "", {}), now_);
+  Do(kTeamAct, {{"event", "banned"}, {"team_id", 2}, {"team", "team 2"}});
+  EXPECT_EQ(state_.ChangedAt(kOld, "", {}), now_);
+  Do(kTeamAct, {{"event", "banned"}, {"team_id", 3}, {"team", "team 3"}});
+  EXPECT_EQ(state_.ChangedAt(kOld, "", {}), now_ - 1) << "it has nothing to do with this board";
+}
+
 TEST_F(BoardStateTest, AForgedCircleOfMergesEnds) {
   Team(1);
   Team(2);
@@ -197,6 +222,9 @@ TEST_F(BoardStateTest, APhaseCommitsToOneSecret) {
   EXPECT_THAT(state_.Phase("final").events, SizeIs(1));
   EXPECT_THAT(state_.Phase("").events, SizeIs(1)) << "those on all submissions";
   EXPECT_EQ(state_.Phase("").Newest(kPausedEvent, kResumedEvent)->why, "repairs");
+  EXPECT_EQ(state_.Phase("").Pause()->why, "repairs");
+  Do(kPhaseAct, {{"phase", nullptr}, {"event", "resumed"}, {"why", "it works"}});
+  EXPECT_EQ(state_.Phase("").Pause(), nullptr);
   EXPECT_EQ(state_.Phase("final").secret, "ff");
 }
 
@@ -215,6 +243,3 @@ TEST(ActTest, AnEntryOfARecordIsAnAct) {
 
 }  // namespace
 }  // namespace myograde::server
-  EXPECT_EQ(state_.Phase("").Pause()->why, "repairs");
-  Do(kPhaseAct, {{"phase", nullptr}, {"event", "resumed"}, {"why", "it works"}});
-  EXPECT_EQ(state_.Phase("").Pause(), nullptr);

@@ -96,9 +96,7 @@ class BoardConfigsTest : public testing::Test {
   // A rejudge that is applied, of a board that has nothing to judge yet.
   void Rejudge(const TrackPtr& from, const TrackPtr& to) {
     NewRejudge rejudge;
-    rejudge.phase = from->config.phase;
-    rejudge.track = from->config.id;
-    rejudge.profile = from->config.profile;
+    rejudge.board = {from->config.phase, from->config.id, from->config.profile};
     rejudge.from_config = from->config.hash;
     rejudge.from_config_json = CanonicalJson(from->config.effective);
     rejudge.to_config = to->config.hash;
@@ -111,13 +109,15 @@ class BoardConfigsTest : public testing::Test {
       const absl::StatusOr<RejudgeRow> made = writer.rejudges.Add(rejudge, Sign, "uid 0");
       if (!made.ok()) return made.status();
       return writer.rejudges
-          .Apply({.rejudge = made->id, .why = "a vote"}, Sign, "uid 0")
+          .End(/*apply=*/true, {.rejudge = made->id, .why = "a vote"}, Sign, "uid 0")
           .status();
     });
   }
   void Drop(int64_t rejudge) {
     Write([&](Transaction& writer) {
-      return writer.rejudges.Drop({.rejudge = rejudge, .why = "an appeal"}, Sign, "uid 0").status();
+      return writer.rejudges
+          .End(/*apply=*/false, {.rejudge = rejudge, .why = "an appeal"}, Sign, "uid 0")
+          .status();
     });
   }
   void Read(const std::function<void(const Transaction&)>& body) {
@@ -201,7 +201,6 @@ TEST_F(BoardConfigsTest, AChangedFileIsWrittenDownIfItsBoardHadSubmissions) {
   Start(99);
   ASSERT_THAT(Rows(), SizeIs(1));
   EXPECT_EQ(Rows().front().config, Arm()->config.hash);
-  EXPECT_EQ(Rows().front().board, (BoardName{"", kArm, kProfile}));
 }
 
 TEST_F(BoardConfigsTest, PhasesHaveBoardsOfTheirOwn) {

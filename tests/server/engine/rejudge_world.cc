@@ -247,8 +247,7 @@ NewRejudge RejudgeWorld::To(const TrackPtr& track) const {
   const NewSubmission from = SubmissionOf(base_->config, "", "", today_);
   const NewSubmission to = SubmissionOf(track->config, "", "", today_);
   NewRejudge rejudge;
-  rejudge.track = from.track;
-  rejudge.profile = from.profile;
+  rejudge.board = {"", from.track, from.profile};
   rejudge.from_config = from.config;
   rejudge.from_config_json = from.config_json;
   rejudge.to_config = to.config;
@@ -261,11 +260,11 @@ NewRejudge RejudgeWorld::To(const TrackPtr& track) const {
   return rejudge;
 }
 
-absl::StatusOr<CreatedRejudge> RejudgeWorld::Create(const NewRejudge& rejudge) {
+absl::StatusOr<RejudgePlan> RejudgeWorld::Create(const NewRejudge& rejudge) {
   return engine_->CreateRejudge(rejudge, SignAnything, "uid 0", kPatience);
 }
 
-absl::StatusOr<RejudgeDone> RejudgeWorld::Apply(int64_t rejudge, std::vector<int64_t> without) {
+absl::StatusOr<RejudgeDone> RejudgeWorld::Apply(int64_t rejudge, std::set<int64_t> without) {
   return engine_->EndRejudge(/*apply=*/true, {rejudge, "as announced", std::move(without)},
                              SignAnything, "uid 0", kPatience);
 }

@@ -62,8 +62,8 @@ class RejudgeWorld : public testing::Test {
   Accepted Submit(const std::string& team);
 
   NewRejudge To(const TrackPtr& track) const;
-  absl::StatusOr<CreatedRejudge> Create(const NewRejudge& rejudge);
-  absl::StatusOr<RejudgeDone> Apply(int64_t rejudge, std::vector<int64_t> without = {});
+  absl::StatusOr<RejudgePlan> Create(const NewRejudge& rejudge);
+  absl::StatusOr<RejudgeDone> Apply(int64_t rejudge, std::set<int64_t> without = {});
   absl::StatusOr<RejudgeDone> Drop(int64_t rejudge);
   RejudgeProgress Progress(int64_t rejudge);
   std::vector<EvaluationRow> Items(int64_t rejudge);

@@ -36,9 +36,9 @@ class RejudgesTest : public RejudgeWorld {
     });
   }
   int64_t MustCreate(const NewRejudge& rejudge) {
-    const absl::StatusOr<CreatedRejudge> created = Create(rejudge);
+    const absl::StatusOr<RejudgePlan> created = Create(rejudge);
     EXPECT_TRUE(created.ok()) << created.status();
-    return created.ok() ? created->rejudge.id : 0;
+    return created.ok() ? created->rejudge : 0;
   }
 };
 
@@ -46,11 +46,11 @@ TEST_F(RejudgesTest, ComputesFromFactsWhereOnlyScoringDiffers) {
   const int64_t alpha = Played("alpha", today_);
   const int64_t beta = Played("beta", today_);
   Run();
-  const absl::StatusOr<CreatedRejudge> created = Create(To(SlowFailures()));
+  const absl::StatusOr<RejudgePlan> created = Create(To(SlowFailures()));
   ASSERT_TRUE(created.ok()) << created.status();
-  EXPECT_EQ(created->plan.facts, 2);
-  EXPECT_EQ(created->plan.play, 0);
-  const int64_t id = created->rejudge.id;
+  EXPECT_EQ(created->facts, 2);
+  EXPECT_EQ(created->play, 0);
+  const int64_t id = created->rejudge;
   AwaitComplete(id);
   EXPECT_EQ(playing_.starts, 0);
   const RejudgeProgress progress = Progress(id);
@@ -79,7 +79,7 @@ TEST_F(RejudgesTest, ComputesFromFactsWhereOnlyScoringDiffers) {
     const EvaluationRow row = *reader.evaluations.Find(items[0].id);
     EXPECT_EQ(row.kind, EvaluationKind::kRejudge);
     EXPECT_EQ(row.state, EvaluationState::kDone);
-    EXPECT_EQ(row.config, created->rejudge.to_config);
+    EXPECT_EQ(row.config, To(SlowFailures()).to_config);
     EXPECT_EQ(row.grader_json, source.grader_json) << "that build measured the facts";
     EXPECT_NE(row.results_hash, source.results_hash);
     EXPECT_EQ(reader.blocks.Of(row.id)->size(), reader.blocks.Of(source.id)->size());
@@ -116,10 +116,10 @@ TEST_F(RejudgesTest, WhatCanNotBePlayedIsWithoutResult) {
     std::filesystem::remove_all(ArtefactFolder(dir_, reader.submissions.Find(gone)->artefact));
   });
   Run();
-  const absl::StatusOr<CreatedRejudge> created = Create(To(LongerSteps()));
+  const absl::StatusOr<RejudgePlan> created = Create(To(LongerSteps()));
   ASSERT_TRUE(created.ok()) << created.status();
-  EXPECT_THAT(created->plan.without_files, ElementsAre(gone));
-  const int64_t id = created->rejudge.id;
+  EXPECT_THAT(created->without_files, ElementsAre(gone));
+  const int64_t id = created->rejudge;
   AwaitComplete(id);
   EXPECT_THAT(Progress(id).without_result, ElementsAre(Field(&EvaluationRow::submission, gone)));
   EXPECT_THAT(Items(id)[0].reason, HasSubstr("are no longer on this host"));
