@@ -3,18 +3,16 @@
 #include <fcntl.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <filesystem>
-#include <vector>
 
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <absl/cleanup/cleanup.h>
-#include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/fd.h"
+#include "protocol/base/status_macros.h"
 #include "server/store/connection.h"
 
 namespace myograde::server {
@@ -22,7 +20,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kSchema[] = ".schema-";
 constexpr int kApplicationId = 0x4d796f47;  // as schema.sql sets it
 
 int SchemaOf(SQLite::Database& db) { return db.execAndGet("PRAGMA user_version").getInt(); }
@@ -32,22 +29,12 @@ bool IsUnreleased(SQLite::Database& db) {
   return SchemaOf(db) > 0 && db.tableExists("submission") && db.tableExists("transition");
 }
 
-// The schemas of the copies beside a store, the newest first.
-std::vector<int> Copies(const std::string& path) {
-  std::vector<int> found;
-  const std::string prefix = fs::path(path).filename().string() + kSchema;
+// The schema of the newest copy beside a store that is of `schema` or an earlier one; -1: there is
+// none.
+int NewestCopy(const std::string& path, int schema) {
   std::error_code error;
-  for (const fs::directory_entry& entry :
-       fs::directory_iterator(fs::path(path).parent_path(), error)) {
-    const std::string name = entry.path().filename().string();
-    int schema = 0;
-    if (name.starts_with(prefix) && absl::SimpleAtoi(name.substr(prefix.size()), &schema) &&
-        name == absl::StrCat(prefix, schema)) {
-      found.push_back(schema);
-    }
-  }
-  std::sort(found.rbegin(), found.rend());
-  return found;
+  while (schema >= 0 && !fs::exists(CopyBeforeMigration(path, schema), error)) --schema;
+  return schema;
 }
 
 // What was written is on the disk, so that a power cut after the migration does not take the copy.
@@ -70,29 +57,28 @@ absl::Status CopyTo(SQLite::Database& db, const std::string& path, const std::st
   if (!Fd(open(draft.c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600)).valid()) {
     return absl::ErrnoToStatus(errno, absl::StrCat(draft, ": can't be created"));
   }
-  absl::Status status = GuardSqlite(copy, [&] {
+  RETURN_IF_ERROR(GuardSqlite(copy, [&] {
     return CopyDatabase(db, path, draft, [](int64_t, int64_t) {}, [](const std::string&) {});
-  });
-  if (status.ok()) status = Sync(draft, 0);
-  if (!status.ok()) return status;
+  }));
+  RETURN_IF_ERROR(Sync(draft, 0));
   if (rename(draft.c_str(), copy.c_str()) != 0) {
     return absl::ErrnoToStatus(errno, absl::StrCat(copy, ": can't be created"));
   }
   return Sync(fs::path(copy).parent_path().string(), O_DIRECTORY);
 }
 
-void RemoveOldCopies(const std::string& path) {
-  const std::vector<int> copies = Copies(path);
-  for (size_t i = kKeptCopies; i < copies.size(); ++i) {
-    std::error_code error;
-    fs::remove(CopyBeforeMigration(path, copies[i]), error);
+// Of those of `schema`, which was copied last, and of earlier ones.
+void RemoveOldCopies(const std::string& path, int schema) {
+  std::error_code error;
+  for (int kept = 0; (schema = NewestCopy(path, schema)) >= 0; --schema) {
+    if (++kept > kKeptCopies) fs::remove(CopyBeforeMigration(path, schema), error);
   }
 }
 
 }  // namespace
 
 std::string CopyBeforeMigration(const std::string& path, int schema) {
-  return absl::StrCat(path, kSchema, schema);
+  return absl::StrCat(path, ".schema-", schema);
 }
 
 absl::Status CheckSchema(SQLite::Database& db, const std::string& path, Migrations migrations) {
@@ -100,12 +86,10 @@ absl::Status CheckSchema(SQLite::Database& db, const std::string& path, Migratio
   const int known = static_cast<int>(migrations.size());
   const bool ours = db.execAndGet("PRAGMA application_id").getInt() == kApplicationId;
   if (ours && version > known) {
-    std::string older = "a backup that was made with this one";
-    for (const int copy : Copies(path)) {
-      if (copy > known) continue;
-      older = absl::StrCat("the copy from before the upgrade, ", CopyBeforeMigration(path, copy));
-      break;
-    }
+    const int copy = NewestCopy(path, known);
+    const std::string older =
+        copy < 0 ? "a backup that was made with this one"
+                 : absl::StrCat("the copy from before the upgrade, ", CopyBeforeMigration(path, copy));
     return absl::FailedPreconditionError(
         absl::StrCat(path, ": has schema ", version, ", this program knows up to ", known,
                      "; use the newer program that wrote it, or restore ", older));
@@ -143,7 +127,7 @@ absl::StatusOr<std::optional<Migration>> Migrate(SQLite::Database& db, const std
     transaction.commit();
   }
   if (done.from == 0) return std::nullopt;
-  RemoveOldCopies(path);
+  RemoveOldCopies(path, done.from);
   return done;
 }
 
