@@ -62,14 +62,6 @@ absl::StatusOr<BlockRow> Blocks::Find(int64_t block) {
   return kBlocks.First(db_, NoSuch("block", block), "WHERE id = ?", block);
 }
 
-absl::Status Blocks::RunEvaluation(int64_t evaluation, const std::string& who) {
-  Statement update(db_, R"(UPDATE evaluation
-      SET state = 'running', started_at = ? WHERE id = ? AND state = 'queued')",
-                   now_ms_, evaluation);
-  if (update.exec() == 0) return absl::OkStatus();  // already running
-  return Audit("evaluation", evaluation, "queued", "running", who, "its first block started");
-}
-
 absl::Status Blocks::Start(int64_t block, int64_t attempt, int64_t slot, int64_t deadline_ms,
                            const std::string& who) {
   ASSIGN_OR_RETURN(BlockRow row, Find(block));
@@ -82,7 +74,11 @@ absl::Status Blocks::Start(int64_t block, int64_t attempt, int64_t slot, int64_t
       attempt, slot, who, now_ms_, deadline_ms, block);
   RETURN_IF_ERROR(Audit("block", block, "pending", "running", who,
                         absl::StrCat("attempt ", attempt, " on slot ", slot)));
-  return RunEvaluation(row.evaluation, who);
+  const int began = Run(db_, R"(UPDATE evaluation
+      SET state = 'running', started_at = ? WHERE id = ? AND state = 'queued')",
+                        now_ms_, row.evaluation);
+  if (began == 0) return absl::OkStatus();  // already running
+  return Audit("evaluation", row.evaluation, "queued", "running", who, "its first block started");
 }
 
 absl::Status Blocks::Finish(int64_t block, int64_t attempt, const std::string& output_json,

@@ -53,7 +53,6 @@ class Blocks : StorePart {
   static absl::Status Refused(const char* what, const BlockRow& block, std::string_view step);
 
  private:
-  absl::Status RunEvaluation(int64_t evaluation, const std::string& who);
   void AddNodeEvent(const std::string& node, const char* event, const std::string& why,
                     const std::string& who);
 };
