@@ -75,6 +75,35 @@ absl::StatusOr<std::string> ReadAll(int fd, const std::string& name, size_t max_
   }
 }
 
+absl::Status ForEachLine(
+    int fd, const std::string& name, size_t max_line,
+    const std::function<absl::Status(std::string_view line, int64_t number)>& on_line) {
+  char piece[16 << 10];
+  std::string line;
+  int64_t number = 1;
+  const auto broken = [&](const char* what) {
+    return absl::InvalidArgumentError(absl::StrCat(name, ": line ", number, ": ", what,
+                                                   "; the file was changed or cut off"));
+  };
+  while (true) {
+    const ssize_t n = ::read(fd, piece, sizeof(piece));
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return absl::UnavailableError(CantBe(name, "read"));
+    if (n == 0) return line.empty() ? absl::OkStatus() : broken("ends in the middle");
+    std::string_view rest(piece, static_cast<size_t>(n));
+    while (!rest.empty()) {
+      const size_t end = rest.find('\n');
+      line.append(rest.substr(0, end));
+      if (line.size() > max_line) return broken("is too long");
+      if (end == std::string_view::npos) break;
+      RETURN_IF_ERROR(on_line(line, number));
+      ++number;
+      line.clear();
+      rest.remove_prefix(end + 1);
+    }
+  }
+}
+
 absl::StatusOr<std::string> ReadFile(const std::string& path, size_t max_bytes) {
   ASSIGN_OR_RETURN(const Fd file, OpenToRead(path));
   return ReadAll(file.get(), path, max_bytes);

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <functional>
 #include <string>
 #include <string_view>
 
@@ -18,6 +20,13 @@ inline constexpr size_t kAnySize = static_cast<size_t>(-1);
 // ordinary error. `name` appears in errors. UnavailableError if reading fails, InvalidArgumentError
 // if there is more than `max_bytes`.
 absl::StatusOr<std::string> ReadAll(int fd, const std::string& name, size_t max_bytes = kAnySize);
+
+// Calls `on_line` for each line of the rest of a descriptor's content, without its newline, and its
+// number from 1 on, until it returns an error; keeps no more than a line. InvalidArgumentError names
+// a line of more than `max_line` bytes, or a last one without a newline. Otherwise as above.
+absl::Status ForEachLine(
+    int fd, const std::string& name, size_t max_line,
+    const std::function<absl::Status(std::string_view line, int64_t number)>& on_line);
 
 // A file's content, even if the file reports no size. NotFoundError if it can't be opened,
 // otherwise as above.

@@ -1,27 +1,26 @@
 #include "server/cli/offline/record_folder.h"
 
-#include <dirent.h>
 #include <fcntl.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <vector>
+#include <filesystem>
 
-#include <absl/cleanup/cleanup.h>
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
+#include "server/cli/base/verbs.h"
 #include "server/cli/terminal/terminal.h"
 
 namespace myograde::server {
 namespace {
 
+namespace fs = std::filesystem;
+
 constexpr size_t kMostFiles = 1'000'000;
-constexpr size_t kReadAtOnce = 1u << 20;
+constexpr size_t kLongestFileName = 200;
 
 bool IsFolder(std::string_view name) {
   return name == "receipts" || name == "configs" || name == "boards" || name == "secrets";
@@ -30,15 +29,6 @@ bool IsFolder(std::string_view name) {
 bool IsTopFile(std::string_view name) {
   return name == "record.jsonl" || name == "head.json" || name == "key.pem" ||
          name == "withheld.json";
-}
-
-// Letters, digits, and what the names of boards, phases and hashes have.
-bool IsPlainName(std::string_view name) {
-  return !name.empty() && name.size() <= 200 && name.front() != '.' &&
-         std::all_of(name.begin(), name.end(), [](char c) {
-           return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
-                  c == '.' || c == '-' || c == '_';
-         });
 }
 
 absl::Status Stray(const std::string& name, const char* what) {
@@ -57,36 +47,28 @@ absl::StatusOr<RecordFolder> RecordFolder::Open(const std::string& path) {
                      "); name the folder that \"myograde proof record export\" wrote"));
   }
   RecordFolder folder(std::move(fd));
-  RETURN_IF_ERROR(folder.List("", 0));
-  return folder;
-}
-
-absl::Status RecordFolder::List(const std::string& folder, int depth) {
-  const int fd = ::openat(fd_.get(), folder.empty() ? "." : folder.c_str(),
-                          O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
-  DIR* dir = fd < 0 ? nullptr : ::fdopendir(fd);
-  if (dir == nullptr) return Stray(folder, "can't be opened as a folder");
-  const absl::Cleanup close = [dir] { ::closedir(dir); };
-  while (const dirent* entry = ::readdir(dir)) {
-    const std::string name = entry->d_name;
-    if (name == "." || name == "..") continue;
-    const std::string path = absl::StrCat(folder, folder.empty() ? "" : "/", name);
-    struct stat info = {};
-    if (::fstatat(fd_.get(), path.c_str(), &info, AT_SYMLINK_NOFOLLOW) != 0) {
-      return Stray(path, "can't be read");
+  std::error_code error;
+  fs::recursive_directory_iterator entries(path, error);
+  for (; !error && entries != fs::recursive_directory_iterator(); entries.increment(error)) {
+    const fs::file_status status = entries->symlink_status(error);
+    if (error) break;
+    const std::string name = entries->path().filename().string();
+    const bool top = entries.depth() == 0;
+    if (top && fs::is_directory(status) && IsFolder(name)) continue;
+    const std::string file = entries->path().lexically_relative(path).string();
+    if (!fs::is_regular_file(status)) return Stray(file, "is not a regular file");
+    if (top ? !IsTopFile(name) : !IsSimpleName(name, kLongestFileName)) {
+      return Stray(file, "does not belong in a record");
     }
-    if (depth == 0 && S_ISDIR(info.st_mode) && IsFolder(name)) {
-      RETURN_IF_ERROR(List(name, 1));
-      continue;
+    if (folder.files_.size() == kMostFiles) {
+      return Stray(file, "exceeds the number of files in a record");
     }
-    if (!S_ISREG(info.st_mode)) return Stray(path, "is not a regular file");
-    if (depth == 0 ? !IsTopFile(name) : !IsPlainName(name)) {
-      return Stray(path, "does not belong in a record");
-    }
-    if (files_.size() == kMostFiles) return Stray(path, "exceeds the number of files in a record");
-    files_.insert(path);
+    folder.files_.insert(file);
   }
-  return absl::OkStatus();
+  if (error) {
+    return absl::InvalidArgumentError(absl::StrCat(path, ": can't be read: ", error.message()));
+  }
+  return folder;
 }
 
 // Whoever made the folder may exchange its files while it is read: nothing but a plain file is read,
@@ -117,35 +99,6 @@ std::set<std::string> RecordFolder::In(std::string_view folder) const {
     found.insert(*it);
   }
   return found;
-}
-
-absl::Status RecordFolder::ForEachLine(
-    const std::string& name, int64_t max_bytes,
-    const std::function<absl::Status(std::string_view line)>& on_line) const {
-  ASSIGN_OR_RETURN(const Fd fd, OpenFile(name));
-  std::vector<char> buffer(kReadAtOnce);
-  std::string line;
-  for (;;) {
-    const ssize_t got = ::read(fd.get(), buffer.data(), buffer.size());
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0) return absl::UnavailableError(absl::StrCat(Sanitized(name), ": can't be read"));
-    if (got == 0) break;
-    std::string_view rest(buffer.data(), static_cast<size_t>(got));
-    for (size_t end; (end = rest.find('\n')) != std::string_view::npos;) {
-      line.append(rest.substr(0, end));
-      if (std::ssize(line) > max_bytes) break;
-      RETURN_IF_ERROR(on_line(line));
-      line.clear();
-      rest.remove_prefix(end + 1);
-    }
-    line.append(rest);
-    if (std::ssize(line) > max_bytes) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(Sanitized(name), " has a line longer than any entry"));
-    }
-  }
-  if (line.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat(Sanitized(name), " ends in the middle of a line"));
 }
 
 }  // namespace myograde::server

@@ -12,7 +12,6 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <set>
 #include <string>
 #include <string_view>
@@ -31,22 +30,17 @@ class RecordFolder {
   // more files than any record has.
   static absl::StatusOr<RecordFolder> Open(const std::string& path);
 
-  // A file by its path in the folder: "head.json". InvalidArgumentError if it is missing, larger
-  // than `max_bytes`, or not a regular file.
+  // A file by its path in the folder: "head.json". InvalidArgumentError if it is missing, or not a
+  // regular file.
+  absl::StatusOr<Fd> OpenFile(const std::string& name) const;
+  // Its content. InvalidArgumentError also if it is larger than `max_bytes`.
   absl::StatusOr<std::string> Read(const std::string& name, int64_t max_bytes) const;
   bool Has(const std::string& name) const { return files_.contains(name); }
   // The paths that begin with `folder`, sorted: "receipts/".
   std::set<std::string> In(std::string_view folder) const;
 
-  // The lines of a file without their ends, whatever its size. A line longer than `max_bytes`, or a
-  // last one without its end, is an InvalidArgumentError. Errors of `on_line` end it.
-  absl::Status ForEachLine(const std::string& name, int64_t max_bytes,
-                           const std::function<absl::Status(std::string_view line)>& on_line) const;
-
  private:
   explicit RecordFolder(Fd fd) : fd_(std::move(fd)) {}
-  absl::Status List(const std::string& folder, int depth);
-  absl::StatusOr<Fd> OpenFile(const std::string& name) const;
 
   Fd fd_;
   std::set<std::string> files_;

@@ -9,6 +9,7 @@
 #include <absl/strings/string_view.h>
 
 #include "protocol/base/config_reader.h"
+#include "protocol/base/file.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
@@ -22,7 +23,7 @@ namespace {
 using Json = nlohmann::json;
 
 // More than what the daemon writes has of each.
-constexpr int64_t kMaxEntryBytes = 4 << 20;
+constexpr size_t kMaxEntryBytes = 4 << 20;
 constexpr int64_t kMaxHeadBytes = 4096;
 constexpr int64_t kMaxReceiptFile = 16 << 20;
 constexpr int64_t kMaxConfigFile = 16 << 20;
@@ -97,8 +98,10 @@ absl::Status RecordVerifier::CheckHead() {
 
 absl::Status RecordVerifier::CheckEntries() {
   std::string chain;
-  RETURN_IF_ERROR(folder_.ForEachLine(
-      "record.jsonl", kMaxEntryBytes, [&](std::string_view line) -> absl::Status {
+  ASSIGN_OR_RETURN(const Fd file, folder_.OpenFile("record.jsonl"));
+  RETURN_IF_ERROR(ForEachLine(
+      file.get(), "record.jsonl", kMaxEntryBytes,
+      [&](std::string_view line, int64_t) -> absl::Status {
         const int64_t index = tree_.size();
         if (index == head_.size) {
           return Wrong(absl::StrCat("record.jsonl has more entries than the ", head_.size,

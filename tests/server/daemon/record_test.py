@@ -270,7 +270,7 @@ class Records(RecordCase):
         copy = self.altered(whole)
         with open(copy / "record.jsonl", "wb") as file:
             file.truncate(1 << 40)
-        self.refuted(copy, "entries", "longer than any entry")
+        self.refuted(copy, "entries", "line 1: is too long")
         copy = self.altered(whole)
         (copy / "withheld.json").write_text("[" * 100000)
         self.refuted(copy, "withheld", "not JSON in its canonical form")
