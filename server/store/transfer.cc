@@ -1,6 +1,6 @@
 #include "server/store/transfer.h"
 
-#include <fstream>
+#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -87,30 +87,6 @@ absl::Status Broken(const std::string& path, int64_t line, std::string_view what
                    "; it is not an export, or it was changed or cut off: export again"));
 }
 
-// Calls `on_line` for each line of a file, without its newline, and its number from 1 on. A last
-// line without a newline is an error.
-absl::Status ForEachLine(
-    const std::string& path,
-    const std::function<absl::Status(std::string_view line, int64_t number)>& on_line) {
-  // A stream would wait for a named pipe.
-  RETURN_IF_ERROR(OpenToRead(path).status());
-  std::ifstream file(path, std::ios::binary);
-  if (!file.is_open()) return absl::NotFoundError(absl::StrCat(path, ": can't be read"));
-  std::vector<char> buffer(kMaxLine + 1);
-  int64_t number = 1;
-  for (; file.getline(buffer.data(), std::ssize(buffer)); ++number) {
-    if (file.eof()) return Broken(path, number, "ends in the middle");
-    const auto bytes = static_cast<size_t>(file.gcount()) - 1;
-    RETURN_IF_ERROR(on_line(std::string_view(buffer.data(), bytes), number));
-  }
-  return file.eof() ? absl::OkStatus() : Broken(path, number, "is too long");
-}
-
-// Larger numbers would be stored as negative ones.
-bool FitsInt64(const Json& number) {
-  return !number.is_number_unsigned() || number.get<uint64_t>() <= uint64_t{INT64_MAX};
-}
-
 std::string Shown(const Json& value) {
   return value.dump(-1, ' ', false, Json::error_handler_t::replace).substr(0, 120);
 }
@@ -135,18 +111,12 @@ class Inserter {
   }
 
   absl::Status CheckTables(const ExportInfo& info) const {
-    for (const auto& [name, count] : info.rows) {
-      if (!tables_.contains(name)) {
-        return absl::InvalidArgumentError(absl::StrCat("the export has a table \"", name,
-                                                       "\", which a store does not have"));
-      }
-    }
-    for (const auto& [name, table] : tables_) {
-      if (!info.rows.contains(name)) {
-        return absl::InvalidArgumentError(absl::StrCat("the export lacks the table ", name));
-      }
-    }
-    return absl::OkStatus();
+    const auto first = [](const auto& left, const auto& right) { return left.first == right.first; };
+    if (std::ranges::equal(info.rows, tables_, first)) return absl::OkStatus();
+    const auto name = [](std::string* text, const auto& table) { text->append(table.first); };
+    return absl::InvalidArgumentError(
+        absl::StrCat("the export has other tables (", absl::StrJoin(info.rows, ", ", name),
+                     ") than a store (", absl::StrJoin(tables_, ", ", name), ")"));
   }
 
   absl::Status Insert(const std::string& name, const Json& row) {
@@ -154,14 +124,17 @@ class Inserter {
     SQLite::Statement& insert = *statements_.at(name);
     insert.reset();
     bool fits = row.size() == table.columns.size();
-    for (size_t i = 0; fits && i < table.columns.size(); ++i) {
-      const auto value = row.find(table.columns[i]);
-      const int place = static_cast<int>(i) + 1;
-      fits = value != row.end();
-      if (!fits) break;
+    auto expected = table.columns.begin();
+    int place = 1;
+    for (auto value = row.begin(); fits && value != row.end(); ++value, ++expected, ++place) {
+      fits = value.key() == *expected;
+      // Larger numbers would be stored as negative ones.
+      const bool number = value->is_number_unsigned()
+                              ? value->get<uint64_t>() <= uint64_t{INT64_MAX}
+                              : value->is_number_integer();
       if (value->is_string()) {
         insert.bind(place, value->get<std::string>());
-      } else if (value->is_number_integer() && FitsInt64(*value)) {
+      } else if (number) {
         insert.bind(place, value->get<int64_t>());
       } else if (value->is_null()) {
         insert.bind(place);
@@ -198,25 +171,15 @@ class Inserter {
   std::map<std::string, std::unique_ptr<SQLite::Statement>> statements_;
 };
 
-// Their triggers read other tables' rows, so they are inserted last.
-bool IsLate(const std::string& table) { return table == "episode" || table == "replay"; }
-
 // Whether every row that another one names is there. The commit would only say that one is not.
 absl::Status CheckReferences(SQLite::Database& db) {
-  Statement check(db, "SELECT \"table\", parent, fkid FROM pragma_foreign_key_check");
-  if (!check.executeStep()) return absl::OkStatus();
-  const std::string child = check.getColumn(0).getString();
-  const std::string parent = check.getColumn(1).getString();
-  Statement parts(db, "SELECT \"from\", \"to\" FROM pragma_foreign_key_list(?) WHERE id = ?");
-  parts.bind(1, child);
-  parts.bind(2, check.getColumn(2).getInt64());
-  std::string names = "1";
-  std::string same = "1";
-  while (parts.executeStep()) {
-    const std::string from = absl::StrCat("c.\"", parts.getColumn(0).getString(), "\"");
-    absl::StrAppend(&names, " AND ", from, " IS NOT NULL");
-    absl::StrAppend(&same, " AND p.\"", parts.getColumn(1).getString(), "\" = ", from);
-  }
+  const auto [child, parent, names, same] =
+      FirstRow<std::string, std::string, std::string, std::string>(db, R"(
+      SELECT c."table", c.parent, group_concat('c."' || l."from" || '" IS NOT NULL', ' AND '),
+             group_concat('p."' || l."to" || '" = c."' || l."from" || '"', ' AND ')
+      FROM (SELECT * FROM pragma_foreign_key_check LIMIT 1) AS c
+      JOIN pragma_foreign_key_list(c."table") AS l ON l.id = c.fkid)");
+  if (child.empty()) return absl::OkStatus();
   const Table table = BuildTables(db).at(child);
   // Not by its rowid, which some tables don't have.
   Statement select(
@@ -226,64 +189,18 @@ absl::Status CheckReferences(SQLite::Database& db) {
   return RefusedRow(table, row, absl::StrCat("names a row of the table ", parent, " that is not there"));
 }
 
-// Reads a whole document, and passes on the text of each row and the number of its line.
-absl::StatusOr<ExportInfo> ReadExport(
-    const std::string& path,
-    const std::function<absl::Status(const std::string& table, std::string_view row,
-                                     int64_t number)>& on_row) {
-  ExportInfo info;
-  Sha256 hash;
-  std::string table;  // whose rows are being read; "": none
-  std::string last;
-  int64_t lines = 0;
-  RETURN_IF_ERROR(ForEachLine(path, [&](std::string_view line, int64_t number) {
-    lines = number;
-    if (!last.empty()) return Broken(path, number, "comes after the end");
-    info.bytes += std::ssize(line) + 1;
-    if (line.starts_with("},\"format\":")) {
-      last = std::string(line);
-      return absl::OkStatus();
+// The row in a line of an export.
+absl::StatusOr<Json> ParseRow(const std::string& path, std::string_view text, int64_t number) {
+  Json row = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  if (!row.is_object()) return Broken(path, number, "is not a JSON object");
+  for (const Json& value : row) {
+    const bool bytes = value.is_object() && value.size() == 1 && value.contains(kBytes) &&
+                       value[kBytes].is_string();
+    if (value.is_structured() && !bytes) {
+      return Broken(path, number, "is not a row of plain values");
     }
-    hash.Update(line);
-    hash.Update("\n");
-    if (number == 1) {
-      return line == kHead ? absl::OkStatus()
-                           : Broken(path, 1, "is not the beginning of an export");
-    }
-    if (line.ends_with(',')) line.remove_suffix(1);
-    if (!table.empty() && line.starts_with('{')) {
-      ++info.rows[table];
-      return on_row(table, line, number);
-    }
-    if (!table.empty() && line == "]") {
-      table.clear();
-      return absl::OkStatus();
-    }
-    if (!table.empty() || !line.starts_with('"') || !line.ends_with("\":[") || line.size() <= 4) {
-      return Broken(path, number, "is not what an export has there");
-    }
-    table = std::string(line.substr(1, line.size() - 4));
-    info.rows.try_emplace(table, 0);
-    return info.rows.size() <= kMaxTables ? absl::OkStatus()
-                                          : Broken(path, number, "is one table too many");
-  }));
-  const size_t digest = last.find(",\"sha256\":");
-  const Json trailer =
-      last.empty() ? Json() : ParseJson("{" + last.substr(2), path).value_or(Json());
-  if (digest == std::string::npos || !table.empty() || !trailer.is_object() ||
-      trailer.value("format", Json()) != kFormat || !trailer.value("sha256", Json()).is_string() ||
-      !trailer.value("schema", Json()).is_number_unsigned()) {
-    return Broken(path, lines, "is the last, and an export has its checksum there");
   }
-  hash.Update(std::string_view(last).substr(0, digest));
-  info.schema = trailer["schema"].get<int64_t>();
-  info.sha256 = trailer["sha256"].get<std::string>();
-  if (const std::string found = hash.FinishHex(); found != info.sha256) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(path, ": has the checksum ", found, " and says ", info.sha256,
-                     ": it was changed after it was written; export again"));
-  }
-  return info;
+  return row;
 }
 
 }  // namespace
@@ -312,27 +229,63 @@ absl::Status ExportRows(SQLite::Database& db, const ExportSink& sink) {
   return write(absl::StrCat(",\"sha256\":\"", hash.FinishHex(), "\"}\n"));
 }
 
-absl::StatusOr<ExportInfo> CheckExport(const std::string& path) {
-  return ReadExport(
-      path, [](const std::string&, std::string_view, int64_t) { return absl::OkStatus(); });
-}
-
-absl::Status ForEachRow(
-    const std::string& path,
-    const std::function<absl::Status(const std::string& table, const Json& row)>& on_row) {
-  const auto parse = [&](const std::string& table, std::string_view text, int64_t number) {
-    const Json row = Json::parse(text, nullptr, /*allow_exceptions=*/false);
-    if (!row.is_object()) return Broken(path, number, "is not a JSON object");
-    for (const Json& value : row) {
-      const bool bytes = value.is_object() && value.size() == 1 && value.contains(kBytes) &&
-                         value[kBytes].is_string();
-      if (value.is_structured() && !bytes) {
-        return Broken(path, number, "is not a row of plain values");
-      }
+absl::StatusOr<ExportInfo> CheckExport(const std::string& path, const RowSink& on_row) {
+  ExportInfo info;
+  Sha256 hash;
+  std::string table;  // whose rows are being read; "": none
+  std::string last;
+  int64_t lines = 0;
+  ASSIGN_OR_RETURN(const Fd file, OpenToRead(path));
+  const auto on_line = [&](std::string_view line, int64_t number) -> absl::Status {
+    lines = number;
+    if (!last.empty()) return Broken(path, number, "comes after the end");
+    if (line.starts_with("},\"format\":")) {
+      last = std::string(line);
+      return absl::OkStatus();
     }
-    return on_row(table, row);
+    hash.Update(line);
+    hash.Update("\n");
+    if (number == 1) {
+      return line == kHead ? absl::OkStatus()
+                           : Broken(path, 1, "is not the beginning of an export");
+    }
+    if (line.ends_with(',')) line.remove_suffix(1);
+    if (!table.empty() && line.starts_with('{')) {
+      ++info.rows[table];
+      if (on_row == nullptr) return absl::OkStatus();
+      ASSIGN_OR_RETURN(const Json row, ParseRow(path, line, number));
+      return on_row(table, row);
+    }
+    if (!table.empty() && line == "]") {
+      table.clear();
+      return absl::OkStatus();
+    }
+    if (!table.empty() || !line.starts_with('"') || !line.ends_with("\":[") || line.size() <= 4) {
+      return Broken(path, number, "is not what an export has there");
+    }
+    table = std::string(line.substr(1, line.size() - 4));
+    info.rows.try_emplace(table, 0);
+    return info.rows.size() <= kMaxTables ? absl::OkStatus()
+                                          : Broken(path, number, "is one table too many");
   };
-  return ReadExport(path, parse).status();
+  RETURN_IF_ERROR(ForEachLine(file.get(), path, kMaxLine, on_line));
+  const size_t digest = last.find(",\"sha256\":");
+  const Json trailer =
+      last.empty() ? Json() : ParseJson("{" + last.substr(2), path).value_or(Json());
+  if (digest == std::string::npos || !table.empty() || !trailer.is_object() ||
+      trailer.value("format", Json()) != kFormat || !trailer.value("sha256", Json()).is_string() ||
+      !trailer.value("schema", Json()).is_number_unsigned()) {
+    return Broken(path, lines, "is the last, and an export has its checksum there");
+  }
+  hash.Update(std::string_view(last).substr(0, digest));
+  info.schema = trailer["schema"].get<int64_t>();
+  info.sha256 = trailer["sha256"].get<std::string>();
+  if (const std::string found = hash.FinishHex(); found != info.sha256) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": has the checksum ", found, " and says ", info.sha256,
+                     ": it was changed after it was written; export again"));
+  }
+  return info;
 }
 
 absl::Status ImportRows(SQLite::Database& db, const std::string& path, const ExportInfo& info) {
@@ -352,12 +305,11 @@ absl::Status ImportRows(SQLite::Database& db, const std::string& path, const Exp
   Inserter inserter(db);
   RETURN_IF_ERROR(inserter.CheckTables(info));
   db.exec("PRAGMA defer_foreign_keys = ON");  // until the transaction ends
-  for (const bool late : {false, true}) {
-    RETURN_IF_ERROR(ForEachRow(path, [&](const std::string& table, const Json& row) {
-          return IsLate(table) == late ? inserter.Insert(table, row) : absl::OkStatus();
-        }));
-  }
-  return CheckReferences(db);
+  const absl::StatusOr<ExportInfo> inserted =
+      CheckExport(path, [&](const std::string& table, const Json& row) {
+        return inserter.Insert(table, row);
+      });
+  return inserted.ok() ? CheckReferences(db) : inserted.status();
 }
 
 }  // namespace myograde::server

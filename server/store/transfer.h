@@ -43,18 +43,16 @@ absl::Status ExportRows(SQLite::Database& db, const ExportSink& sink);
 struct ExportInfo {
   int64_t schema = 0;
   std::string sha256;
-  int64_t bytes = 0;
   std::map<std::string, int64_t> rows;  // by table
 };
 
-// Reads a whole document. InvalidArgumentError names the line: not an export, incomplete, or a
-// wrong digest.
-absl::StatusOr<ExportInfo> CheckExport(const std::string& path);
+// Receives a row of an export; its error ends the reading.
+using RowSink = std::function<absl::Status(const std::string& table, const nlohmann::json& row)>;
 
-// Calls `row` for each row, in file order; errors also of CheckExport.
-absl::Status ForEachRow(
-    const std::string& path,
-    const std::function<absl::Status(const std::string& table, const nlohmann::json& row)>& row);
+// Reads a whole document, and passes on each row, in file order; without `on_row`, what is in a row
+// is not looked at. InvalidArgumentError names the line: not an export, incomplete, or a wrong
+// digest.
+absl::StatusOr<ExportInfo> CheckExport(const std::string& path, const RowSink& on_row = nullptr);
 
 // Fills an empty store with the rows of a checked document, inside the caller's transaction.
 // FailedPreconditionError: the store is not empty, or the file has another schema.

@@ -54,7 +54,7 @@ std::string CsvCell(const Json& value) {
 absl::Status WriteCsv(const std::string& from, const std::string& folder, bool mark) {
   RETURN_IF_ERROR(MakeFolders(folder));
   std::map<std::string, std::unique_ptr<NewFile>> files;
-  RETURN_IF_ERROR(ForEachRow(from, [&](const std::string& table, const Json& row) -> absl::Status {
+  const auto write = [&](const std::string& table, const Json& row) -> absl::Status {
     auto& file = files[table];
     std::string text;
     const auto line = [&](const auto& cell_of) {
@@ -72,7 +72,8 @@ absl::Status WriteCsv(const std::string& from, const std::string& folder, bool m
     }
     line([](const std::string&, const Json& value) { return CsvCell(value); });
     return file->Write(text).ok() ? absl::OkStatus() : CantWrite(folder);
-  }));
+  };
+  RETURN_IF_ERROR(CheckExport(from, write).status());
   std::string sums;
   for (const auto& [table, file] : files) {
     ASSIGN_OR_RETURN(const std::string digest, file->Keep());
@@ -85,7 +86,7 @@ absl::Status WriteCsv(const std::string& from, const std::string& folder, bool m
 absl::Status WarnOfHiddenSeeds(const std::string& path) {
   std::set<std::string> hidden;
   std::set<std::string> revealed;
-  RETURN_IF_ERROR(ForEachRow(path, [&](const std::string& table, const Json& row) {
+  const auto look = [&](const std::string& table, const Json& row) {
     if (table == "journal" && TextAt(row, "kind") == "phase") {
       const Json act = Json::parse(TextAt(row, "entry_json"), nullptr, /*allow_exceptions=*/false);
       const bool reveals = act.is_object() && act.value("event", Json()) == "revealed";
@@ -97,7 +98,8 @@ absl::Status WarnOfHiddenSeeds(const std::string& path) {
     const bool hides = config.is_object() && config.contains("seed_salt");
     if (hides && !TextAt(config, "phase").empty()) hidden.insert(TextAt(config, "phase"));
     return absl::OkStatus();
-  }));
+  };
+  RETURN_IF_ERROR(CheckExport(path, look).status());
   for (const std::string& phase : hidden) {
     if (revealed.contains(phase)) continue;
     PrintToErrors(absl::StrCat("myograde: warning: the export holds the seeds of phase ", phase,
