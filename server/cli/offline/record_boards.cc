@@ -21,9 +21,8 @@ namespace {
 using Json = nlohmann::json;
 
 // The row that a receipt's entry was made of, as far as numbers follow from it.
-absl::StatusOr<EpisodeRow> RowOfEntry(const Json& entry, int64_t evaluation) {
+absl::StatusOr<EpisodeRow> RowOfEntry(const Json& entry) {
   EpisodeRow row;
-  row.evaluation = evaluation;
   row.index = entry.at("index").get<int64_t>();
   const std::optional<Outcome> outcome = ParseOutcome(TextAt(entry, "outcome"));
   const std::optional<FailureReason> reason = ParseFailureReason(TextAt(entry, "reason"));
@@ -73,17 +72,22 @@ Json DisqualifiedJson(const DisqualifiedRow& row) {
           {"aggregate", row.aggregate}};
 }
 
-std::vector<StandingRow> ListStandings(const BoardState& record,
-                                       const std::map<int64_t, ReceivedResult>& results,
-                                       const std::string& config) {
+absl::StatusOr<std::vector<StandingRow>> ListStandings(
+    const BoardState& record, const Marks& marks, const std::map<int64_t, ReceivedResult>& results,
+    const std::string& config) {
   const std::set<int64_t> chosen = record.Chosen(config);
   std::vector<StandingRow> standings;
   for (const auto& [submission, ended] : record.InForce(config)) {
     const TeamState* team = record.TeamOf(submission);
     const auto result = results.find(ended->evaluation);
-    if (team->banned || result == results.end() || !result->second.done) {
-      continue;
+    if (team->banned) continue;
+    if (result == results.end()) {
+      const auto own = marks.find(submission);
+      if (own != marks.end() && own->second.contains(kHidden)) continue;
+      return absl::UnavailableError(absl::StrCat("the receipt of evaluation ", ended->evaluation,
+                                                 " is withheld and may have a row there"));
     }
+    if (!result->second.done) continue;
     StandingRow row;
     row.submission = submission;
     row.evaluation = ended->evaluation;
@@ -106,9 +110,7 @@ absl::StatusOr<RecordedConfig> ReadRecordedConfig(const Json& config) {
   }
   absl::StatusOr<scoring::TrackScoring> scoring = track->parse(config["scoring"], "scoring");
   if (!scoring.ok()) return absl::InvalidArgumentError(scoring.status().message());
-  return RecordedConfig{TextAt(config, "id"), TextAt(config, "profile"),
-                        TextAt(config, "phase"), *std::move(scoring),
-                        config["scoring"].value("boards", Json::object())};
+  return RecordedConfig{config, *std::move(scoring)};
 }
 
 absl::StatusOr<ReceivedResult> ResultOfReceipt(const Json& receipt) {
@@ -116,7 +118,7 @@ absl::StatusOr<ReceivedResult> ResultOfReceipt(const Json& receipt) {
   if (track == nullptr) return absl::InvalidArgumentError("its track is not known to this program");
   std::vector<EpisodeRow> rows;
   for (const Json& entry : receipt["episodes"]) {
-    ASSIGN_OR_RETURN(EpisodeRow row, RowOfEntry(entry, 0));
+    ASSIGN_OR_RETURN(EpisodeRow row, RowOfEntry(entry));
     rows.push_back(std::move(row));
   }
   const absl::StatusOr<scoring::Aggregate> aggregate = AggregateRows(*track, rows);
@@ -139,20 +141,6 @@ absl::StatusOr<ReceivedResult> ResultOfReceipt(const Json& receipt) {
   return result;
 }
 
-std::vector<int64_t> UnknownResults(const BoardState& record,
-                                    const std::map<int64_t, ReceivedResult>& results,
-                                    const std::string& config) {
-  std::vector<int64_t> unknown;
-  const Marks marks = record.MarksAt();
-  for (const auto& [submission, ended] : record.InForce(config)) {
-    const auto own = marks.find(submission);
-    const bool off = record.TeamOf(submission)->banned ||
-                     (own != marks.end() && own->second.contains(kHidden));
-    if (!off && !results.contains(ended->evaluation)) unknown.push_back(ended->evaluation);
-  }
-  return unknown;
-}
-
 absl::StatusOr<std::string> BoardText(const BoardState& record,
                                       const std::map<int64_t, ReceivedResult>& results,
                                       const std::string& hash, const RecordedConfig& config,
@@ -161,9 +149,13 @@ absl::StatusOr<std::string> BoardText(const BoardState& record,
   if (spec == config.scoring.boards.end()) {
     return absl::InvalidArgumentError("its config has no board of this name");
   }
+  const Marks marks = record.MarksAt();
+  ASSIGN_OR_RETURN(std::vector<StandingRow> standings,
+                   ListStandings(record, marks, results, hash));
   ASSIGN_OR_RETURN(const Leaderboard made,
-                   MakeLeaderboard(ListStandings(record, results, hash), record.MarksAt(),
-                                   spec->second.rules, config.scoring.team));
+                   MakeLeaderboard(std::move(standings), marks, spec->second.rules,
+                                   config.scoring.team));
+  const Json rules = config.config["scoring"].value("boards", Json::object());
   Json rows = Json::array();
   for (const LeaderboardRow& row : made.rows) rows.push_back(BoardRowJson(row));
   Json disqualified = Json::array();
@@ -172,10 +164,10 @@ absl::StatusOr<std::string> BoardText(const BoardState& record,
   }
   return CanonicalJson({{"board", board},
                         {"config", hash},
-                        {"phase", TextOrNull(config.phase)},
-                        {"track", config.track},
-                        {"profile", config.profile},
-                        {"rules", config.rules.value(board, Json::object())},
+                        {"phase", TextOrNull(TextAt(config.config, "phase"))},
+                        {"track", TextAt(config.config, "id")},
+                        {"profile", TextAt(config.config, "profile")},
+                        {"rules", rules.value(board, Json::object())},
                         {"official_figures", config.scoring.official_figures},
                         {"rows", std::move(rows)},
                         {"disqualified", std::move(disqualified)}}) +

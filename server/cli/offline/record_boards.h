@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <map>
 #include <string>
-#include <vector>
 
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
@@ -25,11 +24,8 @@ struct ReceivedResult {
 
 // A config as far as boards need it; "seeds" and what they follow from may be missing.
 struct RecordedConfig {
-  std::string track;
-  std::string profile;
-  std::string phase;  // "": none
+  nlohmann::json config;
   scoring::TrackScoring scoring;
-  nlohmann::json rules;  // by board
 };
 
 // InvalidArgumentError if it can't be read.
@@ -39,13 +35,8 @@ absl::StatusOr<RecordedConfig> ReadRecordedConfig(const nlohmann::json& config);
 // the receipt has others.
 absl::StatusOr<ReceivedResult> ResultOfReceipt(const nlohmann::json& receipt);
 
-// Evaluations without a receipt that may be on the boards of a config. As long as there are any, the
-// boards are unknown.
-std::vector<int64_t> UnknownResults(const BoardState& record,
-                                    const std::map<int64_t, ReceivedResult>& results,
-                                    const std::string& config);
-
-// The text of boards/HASH.BOARD.json, as it must be. REQUIRES: no result is unknown.
+// The text of boards/HASH.BOARD.json, as it must be. UnavailableError: it is unknown, as an
+// evaluation that may be on it has no receipt.
 absl::StatusOr<std::string> BoardText(const BoardState& record,
                                       const std::map<int64_t, ReceivedResult>& results,
                                       const std::string& hash, const RecordedConfig& config,
