@@ -199,7 +199,7 @@ absl::Status Daemon::OpenStore() {
 absl::Status Daemon::RecoverEngine() {
   disk_.emplace(*store_, metrics_.get());
   ASSIGN_OR_RETURN(const HomeFound home,
-                   FindHome(options_.data_dir, config_.on_cluster, /*adopt=*/false));
+                   FindHome(options_.data_dir, *store_, config_.on_cluster, /*adopt=*/false));
   ASSIGN_OR_RETURN(executor_, MakeExecutor(options_, config_, home));
   engine_.emplace(EngineOptions{config_, options_.data_dir, options_.cache_dir, metrics_}, *disk_, readers_,
                   *executor_, clock_);
@@ -371,8 +371,9 @@ absl::StatusOr<std::string> AdoptData(const std::string& data_dir) {
         absl::StrCat(path, ": there is no store; name a daemon's data folder with --data"));
   }
   ASSIGN_OR_RETURN(const DataLock lock, DataLock::Take(data_dir));
-  RETURN_IF_ERROR(Store::Open(path, SystemClock()).status());
-  ASSIGN_OR_RETURN(const HomeFound found, FindHome(data_dir, /*on_cluster=*/true, /*adopt=*/true));
+  ASSIGN_OR_RETURN(const std::unique_ptr<Store> store, Store::Open(path, SystemClock()));
+  ASSIGN_OR_RETURN(const HomeFound found,
+                   FindHome(data_dir, *store, /*on_cluster=*/true, /*adopt=*/true));
   return absl::StrCat("The store is at home in ", found.home.place,
                       " now; start the daemon as usual.");
 }

@@ -53,14 +53,15 @@ absl::Status PrepareFolder(const std::string& data, const ServerConfig& config);
 // Whoever lost the store should hear of it before the next submission gets number 1.
 void WarnOfLostStore(const std::string& data_dir, const std::string& path);
 
-// Finds out whether the data folder `data` is a copy of the one that its store was last used in. Where
+// Finds out whether the data folder `data` is a copy of the one that its `store` was last used in. Where
 // leases run only on this host, or with `adopt`, it is then a store of its own; elsewhere `held_back`
 // says why this daemon must not touch the cluster.
 struct HomeFound {
   DataHome home;
   std::string held_back;  // "": nothing is
 };
-absl::StatusOr<HomeFound> FindHome(const std::string& data, bool on_cluster, bool adopt);
+absl::StatusOr<HomeFound> FindHome(const std::string& data, Store& store, bool on_cluster,
+                                   bool adopt);
 
 // The phases of the configs; a phase's secret is drawn when a daemon first loads it. Phases and
 // tracks get the configs that boards have by the store, where that is not what the files say. Logs

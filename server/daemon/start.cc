@@ -202,28 +202,31 @@ void WarnOfLostStore(const std::string& data_dir, const std::string& path) {
                 "from a backup", path, artefacts);
 }
 
-absl::StatusOr<HomeFound> FindHome(const std::string& data, bool on_cluster, bool adopt) {
-  const std::string store = data + "/store.db";
+absl::StatusOr<HomeFound> FindHome(const std::string& data, Store& store, bool on_cluster,
+                                   bool adopt) {
   ASSIGN_OR_RETURN(DataHome here, ReadDataHome(data));
-  ASSIGN_OR_RETURN(const std::optional<DataHome> recorded, RecordedHome(store));
   HomeFound found = {std::move(here), ""};
-  const bool copied = recorded.has_value() && recorded->key != found.home.key;
-  if (copied && on_cluster && !adopt) {
-    found.held_back = absl::StrCat(
-        found.home.place, " is a copy of the data folder ", recorded->place,
-        ", which may still be grading, so this daemon leaves all jobs alone; if it replaces that "
-        "daemon, stop it, run \"myograde serve --data ", data,
-        " --adopt\" once, and start it again");
-    spdlog::error("{}", found.held_back);
-    return found;
-  }
-  if (copied && !adopt) {
-    spdlog::warn("{} is a copy of the data folder {} and now a separate server",
-                 found.home.place, recorded->place);
-  }
-  if (!recorded.has_value() || copied || recorded->place != found.home.place) {
-    RETURN_IF_ERROR(RecordHome(store, found.home));
-  }
+  RETURN_IF_ERROR(store.Write([&](Transaction& writer) {
+    const std::optional<DataHome> recorded = writer.Home();
+    const bool copied = recorded.has_value() && recorded->key != found.home.key;
+    if (copied && on_cluster && !adopt) {
+      found.held_back = absl::StrCat(
+          found.home.place, " is a copy of the data folder ", recorded->place,
+          ", which may still be grading, so this daemon leaves all jobs alone; if it replaces that "
+          "daemon, stop it, run \"myograde serve --data ", data,
+          " --adopt\" once, and start it again");
+      spdlog::error("{}", found.held_back);
+      return absl::OkStatus();
+    }
+    if (copied && !adopt) {
+      spdlog::warn("{} is a copy of the data folder {} and now a separate server",
+                   found.home.place, recorded->place);
+    }
+    if (!recorded.has_value() || copied || recorded->place != found.home.place) {
+      writer.SetHome(found.home);
+    }
+    return absl::OkStatus();
+  }));
   return found;
 }
 

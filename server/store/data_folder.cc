@@ -12,7 +12,6 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/ip_address.h"
-#include "server/store/connection.h"
 
 namespace myograde::server {
 namespace {
@@ -81,27 +80,6 @@ absl::StatusOr<DataHome> ReadDataHome(const std::string& dir) {
   return DataHome{
       Sha256Hex(absl::StrCat("a data folder\n", machine, "\n", info.stx_ino, "\n", born)),
       absl::StrCat(dir, " on host ", HostName())};
-}
-
-absl::StatusOr<std::optional<DataHome>> RecordedHome(const std::string& store) {
-  std::optional<DataHome> home;
-  RETURN_IF_ERROR(GuardSqlite(store, [&]() -> absl::Status {
-    ASSIGN_OR_RETURN(const auto db, OpenForReading(store));
-    const std::string text = Meta(*db, "home");
-    if (text.empty()) return absl::OkStatus();
-    const size_t key = text.find('\n');
-    home = {text.substr(0, key), key == std::string::npos ? "" : text.substr(key + 1)};
-    return absl::OkStatus();
-  }));
-  return home;
-}
-
-absl::Status RecordHome(const std::string& store, const DataHome& home) {
-  return GuardSqlite(store, [&]() -> absl::Status {
-    ASSIGN_OR_RETURN(const OpenedStore opened, OpenForWriting(store));
-    SetMeta(*opened.db, "home", absl::StrCat(home.key, "\n", home.place));
-    return absl::OkStatus();
-  });
 }
 
 }  // namespace myograde::server

@@ -2,7 +2,6 @@
 // home in, so that a copy can be told from it.
 #pragma once
 
-#include <optional>
 #include <string>
 
 #include <absl/status/status.h>
@@ -36,10 +35,5 @@ struct DataHome {
 
 // Of the folder `dir`. UnavailableError if it can't be examined.
 absl::StatusOr<DataHome> ReadDataHome(const std::string& dir);
-
-// What the store at the path `store` has recorded; nullopt: nothing yet. REQUIRES, also of the
-// next: the store was opened (store.h) by this program. Errors as in connection.h.
-absl::StatusOr<std::optional<DataHome>> RecordedHome(const std::string& store);
-absl::Status RecordHome(const std::string& store, const DataHome& home);
 
 }  // namespace myograde::server

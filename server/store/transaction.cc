@@ -56,6 +56,17 @@ void Transaction::SetTrustedTime(int64_t ms) {
   }
 }
 
+std::optional<DataHome> Transaction::Home() const {
+  const std::string text = Meta(context_.db, "home");
+  if (text.empty()) return std::nullopt;
+  const size_t key = text.find('\n');
+  return DataHome{text.substr(0, key), key == std::string::npos ? "" : text.substr(key + 1)};
+}
+
+void Transaction::SetHome(const DataHome& home) {
+  SetMeta(context_.db, "home", absl::StrCat(home.key, "\n", home.place));
+}
+
 absl::Status Transaction::Import(const std::string& path, const ExportInfo& info,
                                  const std::string& who,
                                  const std::function<absl::Status(const Transaction&)>& check) {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 
 #include <absl/status/status.h>
@@ -11,6 +12,7 @@
 #include "server/store/callers.h"
 #include "server/store/content.h"
 #include "server/store/context.h"
+#include "server/store/data_folder.h"
 #include "server/store/deliveries.h"
 #include "server/store/episodes.h"
 #include "server/store/evaluations.h"
@@ -43,6 +45,9 @@ class Transaction {
   absl::Status Part(const std::function<absl::Status(Transaction&)>& change);
   // Notes a time (ms) for Store::trusted_time_ms(); an earlier one than is there changes nothing.
   void SetTrustedTime(int64_t ms);
+  // The data folder that the store is at home in; nullopt: none was recorded yet.
+  std::optional<DataHome> Home() const;
+  void SetHome(const DataHome& home);
   // The whole store as one document, in transfer.h's format.
   absl::Status Export(const ExportSink& sink) const { return ExportRows(context_.db, sink); }
   // Fills an empty store; errors as in transfer.h. Evaluations that had not ended when exported end

@@ -98,16 +98,27 @@ TEST_F(StoreTest, TellsOfPagesThatCantBeRead) {
 
 TEST_F(StoreTest, ACopyOfItsFolderIsAnotherHome) {
   namespace fs = std::filesystem;
-  EXPECT_FALSE((*RecordedHome(path_)).has_value());
+  const auto recorded = [](const std::string& path) {
+    std::optional<DataHome> home;
+    EXPECT_TRUE(ReaderPool(path).Read([&](const Transaction& reader) {
+      home = reader.Home();
+      return absl::OkStatus();
+    }).ok());
+    return home;
+  };
+  EXPECT_FALSE(recorded(path_).has_value());
   const DataHome home = *ReadDataHome(dir_);
-  ASSERT_TRUE(RecordHome(path_, home).ok());
+  ASSERT_TRUE(store_->Write([&](Transaction& writer) {
+    writer.SetHome(home);
+    return absl::OkStatus();
+  }).ok());
   Open();
-  EXPECT_EQ((*RecordedHome(path_))->key, home.key);
-  EXPECT_THAT((*RecordedHome(path_))->place, HasSubstr(dir_ + " on host "));
+  EXPECT_EQ(recorded(path_)->key, home.key);
+  EXPECT_THAT(recorded(path_)->place, HasSubstr(dir_ + " on host "));
   store_.reset();
   const std::string copy = dir_ + "-copy";
   fs::copy(dir_, copy, fs::copy_options::recursive);
-  EXPECT_EQ((*RecordedHome(copy + "/store.db"))->key, home.key) << "it tells whose copy it is";
+  EXPECT_EQ(recorded(copy + "/store.db")->key, home.key) << "it tells whose copy it is";
   EXPECT_NE(ReadDataHome(copy)->key, home.key);
   fs::remove_all(copy);
   // A folder that is renamed is the same, and so is one whose contents were replaced.
