@@ -11,8 +11,11 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/file.h"
+#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
+#include "protocol/lease/track_config.h"
 #include "server/base/http_client.h"
+#include "server/cli/base/files.h"
 #include "server/proof/record_head.h"
 
 namespace myograde::server {
@@ -26,13 +29,6 @@ absl::Status Strange(const std::string& what) {
   return absl::InternalError(absl::StrCat("the daemon's ", what,
                                           " has an unknown format; use the program of the "
                                           "daemon's version"));
-}
-
-// A name that may stand in a path.
-bool IsName(const std::string& text) {
-  return !text.empty() && text.size() <= 64 &&
-         text.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_") ==
-             std::string::npos;
 }
 
 // The keys of `object` that are listed.
@@ -56,7 +52,7 @@ class RecordExporter {
 
   absl::StatusOr<Json> Run() {
     ASSIGN_OR_RETURN(const Json key, client_.Get("/v1/key"));
-    RETURN_IF_ERROR(MakeFolders());
+    RETURN_IF_ERROR(MakeEmptyFolder());
     for (int round = 0; round < kMostRounds; ++round) {
       ASSIGN_OR_RETURN(const Json signed_head, client_.Get("/v1/record/head"));
       const std::string text = CanonicalJson(signed_head) + "\n";
@@ -68,7 +64,6 @@ class RecordExporter {
       // The boards are those of the record only if nothing happened meanwhile.
       ASSIGN_OR_RETURN(const Json after, client_.Get("/v1/record/head"));
       if (after != signed_head) continue;
-      RETURN_IF_ERROR(WriteSecrets());
       RETURN_IF_ERROR(Write("record.jsonl", lines_));
       RETURN_IF_ERROR(Write("key.pem", TextAt(key, "key")));
       RETURN_IF_ERROR(Write("head.json", text));
@@ -86,20 +81,20 @@ class RecordExporter {
   }
 
  private:
-  absl::Status MakeFolders() const {
+  absl::Status MakeEmptyFolder() const {
+    constexpr char kTodo[] = "; name another folder";
+    RETURN_IF_ERROR(MakeFolders(folder_, kTodo));
     std::error_code error;
-    fs::create_directories(folder_, error);
-    const bool empty = !error && fs::is_empty(folder_, error);
-    if (!error && !empty) {
+    const bool empty = fs::is_empty(folder_, error);
+    if (error || !empty) {
       return absl::InvalidArgumentError(
-          absl::StrCat(folder_, ": is not empty; name a new folder"));
+          absl::StrCat(folder_, ": is not empty", error ? ", or can't be read" : "",
+                       "; name a new folder"));
     }
     for (const char* part : {"/receipts", "/configs", "/boards", "/secrets"}) {
-      if (!error) fs::create_directory(folder_ + part, error);
+      RETURN_IF_ERROR(MakeFolders(folder_ + part, kTodo));
     }
-    if (!error) return absl::OkStatus();
-    return absl::InvalidArgumentError(
-        absl::StrCat(folder_, ": can't be created (", error.message(), "); name another folder"));
+    return absl::OkStatus();
   }
 
   absl::Status Write(const std::string& name, const std::string& text) const {
@@ -128,8 +123,9 @@ class RecordExporter {
           graded_[entry.value("evaluation", int64_t{0})] = entry;
         }
         const std::string secret = TextAt(entry, "secret");
-        if (!secret.empty() && IsName(TextAt(entry, "phase"))) {
-          secrets_[TextAt(entry, "phase")] = secret;
+        const std::string phase = TextAt(entry, "phase");
+        if (!secret.empty() && IsTrackName(phase)) {
+          RETURN_IF_ERROR(Write(absl::StrCat("secrets/", phase, ".txt"), secret + "\n"));
         }
       }
     }
@@ -148,7 +144,7 @@ class RecordExporter {
     }
     const Json body = receipt.value("receipt", Json::object());
     const std::string config = TextAt(body, "config");
-    if (!IsName(config)) return Strange("receipt");
+    if (!IsSha256Hex(config)) return Strange("receipt");
     configs_[config] = body.value("track_config", Json());
     receipts_[evaluation] = true;
     return Write(absl::StrCat("receipts/", evaluation, ".json"), CanonicalJson(receipt) + "\n");
@@ -200,16 +196,9 @@ class RecordExporter {
       // A track whose boards have no settings has one.
       const Json boards = config["scoring"].value("boards", Json{{"main", Json::object()}});
       for (const auto& [board, rules] : boards.items()) {
-        if (!IsName(board)) return Strange("config");
+        if (!IsTrackName(board)) return Strange("config");
         RETURN_IF_ERROR(WriteBoard(hash, config, board));
       }
-    }
-    return absl::OkStatus();
-  }
-
-  absl::Status WriteSecrets() {
-    for (const auto& [phase, secret] : secrets_) {
-      RETURN_IF_ERROR(Write(absl::StrCat("secrets/", phase, ".txt"), secret + "\n"));
     }
     return absl::OkStatus();
   }
@@ -219,7 +208,6 @@ class RecordExporter {
   const std::function<void(int64_t, int64_t)> progress_;
   std::string lines_;                           // of record.jsonl
   std::map<int64_t, Json> graded_;              // entries with results, by evaluation
-  std::map<std::string, std::string> secrets_;  // digits, by phase
   std::map<std::string, Json> configs_;         // as receipts show them, by hash
   std::map<int64_t, bool> receipts_;            // evaluations that have one here
   Json withheld_ = Json::array();
