@@ -38,18 +38,20 @@ absl::StatusOr<int> Receipt(const ReceiptOptions& options) {
                           {"file", options.file},
                           {"merkle_root", body["merkle_root"]},
                           {"signature", receipt["signature"]["value"]}},
-                     options.json, [](const Json& file) {
-                       std::cout << Cell(file, "file") << ": receipt of submission "
-                                 << Cell(file, "submission") << ", Merkle root "
-                                 << Cell(file, "merkle_root") << std::endl;
-                     });
+                     options.json,
+                     Sentence("{file}: receipt of submission {submission}, Merkle root "
+                              "{merkle_root}"));
 }
 
-struct KeyOptions : DaemonOptions {
-  std::string file;  // "": print it
+struct RecordOptions : DaemonOptions {
+  std::string file;      // for the key or a head ("": none), or the folder of an export
+  int64_t from = 0;
+  int64_t limit = 20;
+  int64_t entry = -1;
+  std::string since;     // file of an earlier head; "": none
 };
 
-absl::StatusOr<int> Key(const KeyOptions& options) {
+absl::StatusOr<int> Key(const RecordOptions& options) {
   ASSIGN_OR_RETURN(const Json key, options.client().Get("/v1/key"));
   const std::string pem = key.value("key", "");
   if (!options.file.empty()) {
@@ -67,23 +69,12 @@ absl::StatusOr<int> Key(const KeyOptions& options) {
 
 constexpr size_t kMaxHeadFile = 4096;
 
-struct RecordOptions : DaemonOptions {
-  std::string file;      // of a head, or the folder of an export
-  int64_t from = 0;
-  int64_t limit = 20;
-  int64_t entry = -1;
-  std::string since;     // file of an earlier head; "": none
-};
-
 absl::StatusOr<int> ShowHead(const RecordOptions& options) {
   ASSIGN_OR_RETURN(const Json head, options.client().Get("/v1/record/head"));
   if (!options.file.empty()) {
     RETURN_IF_ERROR(WriteFile(options.file, CanonicalJson(head) + "\n"));
   }
-  return PrintAnswer(head, options.json, [](const Json& signed_head) {
-    const Json& said = signed_head["head"];
-    std::cout << CountCell(said, "size", "entry") << ", root " << Cell(said, "root") << std::endl;
-  });
+  return PrintAnswer(head, options.json, Sentence("{head.size:entry}, root {head.root}"));
 }
 
 // The keys that tell most of an entry, on one line.
@@ -175,13 +166,9 @@ absl::StatusOr<int> WriteRecord(const RecordOptions& options) {
   const Client client = options.client();
   ASSIGN_OR_RETURN(const Json written,
                    ExportRecord(client, options.file, Progress("receipts").Listener()));
-  return PrintAnswer(written, options.json, [](const Json& record) {
-    std::cout << Cell(record, "folder") << ": "
-              << Counted(record["size"].get<int64_t>(), "entry", "entries") << ", "
-              << CountCell(record, "receipts", "receipt") << " (" << Cell(record, "withheld")
-              << " withheld), " << CountCell(record, "boards", "board") << ", root "
-              << Cell(record, "root") << std::endl;
-  });
+  return PrintAnswer(written, options.json,
+                     Sentence("{folder}: {size:entry}, {receipts:receipt} ({withheld} withheld), "
+                              "{boards:board}, root {root}"));
 }
 
 }  // namespace
@@ -199,7 +186,7 @@ Command AddReceipt(CLI::App& verb) {
 }
 
 Command AddKey(CLI::App& verb) {
-  auto options = std::make_shared<KeyOptions>();
+  auto options = std::make_shared<RecordOptions>();
   verb.add_option("-o,--output", options->file, "File for the key (default: print it)");
   AddDaemonOptions(verb, "key", *options);
   return [options] { return Key(*options); };
