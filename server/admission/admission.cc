@@ -213,7 +213,9 @@ absl::StatusOr<ArtefactRow> Admission::CheckedArtefact(const SubmitRequest& requ
   const std::string& hash = request.artefact;
   ASSIGN_OR_RETURN(ArtefactRow artefact, readers_.Read<ArtefactRow>([&](const Transaction& reader) {
     // Nobody learns from the answer that there is another team's.
-    const bool may = request.organiser || reader.content.MaySubmitArtefact(hash, who, request.team);
+    const bool may =
+        request.organiser || reader.content.UploadedArtefact(hash, who) ||
+        (!request.team.empty() && reader.content.TeamHoldsArtefact(hash, request.team));
     return may ? reader.content.Artefact(hash) : UnknownArtefact(hash);
   }));
   RETURN_IF_ERROR(HasArtefactFiles(options_.data_dir, hash));

@@ -169,8 +169,8 @@ void AddStoreMetrics(const ApiContext& context, Families& families) {
     AddGauges(families, "myograde_submissions", "Submissions, by the state of their own evaluation",
               "state", counts);
     int64_t bytes = 0;
-    const std::vector<UploadRow> uploads = reader.content.Uploads();
-    for (const UploadRow& upload : uploads) bytes += upload.bytes;
+    const std::vector<ArtefactUse> uploads = reader.content.Uploads();
+    for (const ArtefactUse& upload : uploads) bytes += upload.bytes;
     AddGauge(families, "myograde_unsubmitted_uploads", "Uploads not submitted yet",
              uploads.size());
     AddGauge(families, "myograde_unsubmitted_upload_bytes", "Their size in bytes, unpacked", bytes);

@@ -192,19 +192,19 @@ void Retention::Sweep() {
 }
 
 absl::StatusOr<std::vector<KeptFile>> Retention::Unsubmitted(int64_t now_ms) {
-  using Uploads = std::vector<UploadRow>;
+  using Uploads = std::vector<ArtefactUse>;
   ASSIGN_OR_RETURN(const Uploads uploads, readers_.Read<Uploads>([](const Transaction& reader) {
     return reader.content.Uploads();
   }));
   std::vector<KeptFile> choices;
-  for (const UploadRow& upload : uploads) {
-    if (absl::Milliseconds(now_ms - upload.at) <= limits_.upload_age ||
+  for (const ArtefactUse& upload : uploads) {
+    if (absl::Milliseconds(now_ms - upload.last_use) <= limits_.upload_age ||
         choices.size() == kFewestAgedOut) {
       break;
     }
     choices.push_back(
-        {upload.hash, ArtefactFolder(data_dir_, upload.hash), upload.bytes, upload.at,
-         /*needed=*/false,
+        {upload.hash, ArtefactFolder(data_dir_, upload.hash), upload.bytes,
+         upload.last_use, /*needed=*/false,
          absl::StrCat("was not submitted within ", absl::FormatDuration(limits_.upload_age))});
   }
   return choices;

@@ -174,8 +174,8 @@ std::vector<ArtefactUse> Content::ArtefactUses() const {
       .rows;
 }
 
-std::vector<UploadRow> Content::Uploads() const {
-  constexpr StoredRows<UploadRow, 3> kUploads = {
+std::vector<ArtefactUse> Content::Uploads() const {
+  constexpr StoredRows<ArtefactUse, 3> kUploads = {
       "upload",
       "SELECT u.artefact, a.bytes, u.at FROM upload AS u JOIN artefact AS a ON a.hash = u.artefact "};
   return kUploads.List(db_, "ORDER BY u.at").rows;
@@ -237,11 +237,6 @@ absl::StatusOr<bool> Content::Remove(const std::string& kind, const std::string&
   Run(db_, R"(INSERT INTO removal (at, kind, name, bytes, why) VALUES (?, ?, ?, ?, ?))", now_ms_,
       artefact ? "artefact" : "log", name, bytes, why);
   return true;
-}
-
-bool Content::MaySubmitArtefact(const std::string& hash, const std::string& who,
-                                const std::string& team) const {
-  return UploadedArtefact(hash, who) || (!team.empty() && TeamHoldsArtefact(hash, team));
 }
 
 bool Content::UploadedArtefact(const std::string& hash, const std::string& who) const {

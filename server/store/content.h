@@ -27,10 +27,6 @@ class Content : StorePart {
   using StorePart::StorePart;
 
   absl::StatusOr<ArtefactRow> Artefact(const std::string& hash) const;
-  // Whether `who` may submit an artefact for a team: they uploaded it themselves, or the team holds
-  // it.
-  bool MaySubmitArtefact(const std::string& hash, const std::string& who,
-                         const std::string& team) const;
   bool UploadedArtefact(const std::string& hash, const std::string& who) const;
   // Somebody uploaded it for the team, or the team submitted it.
   bool TeamHoldsArtefact(const std::string& hash, const std::string& team) const;
@@ -41,7 +37,7 @@ class Content : StorePart {
   std::vector<std::string> Hashes(const std::string& table) const;
   std::vector<ArtefactUse> ArtefactUses() const;
   // Uploads that nobody has submitted, oldest first.
-  std::vector<UploadRow> Uploads() const;
+  std::vector<ArtefactUse> Uploads() const;
   // True if it is new.
   absl::StatusOr<bool> AddArtefact(const ArtefactRow& artefact);
   // Records who uploaded an artefact whose files are here or about to be kept, and for which team.

@@ -211,20 +211,13 @@ struct StandingRow {
   int64_t rejudge = 0;  // whose evaluation it is; 0: it is the original
 };
 
-// What an artefact's files are still needed for.
+// What an artefact's files are still needed for. Those of one that nobody has submitted are not.
 struct ArtefactUse {
   std::string hash;
   int64_t bytes = 0;
   int64_t last_use = 0;  // the latest upload, acceptance or evaluation end
   bool needed = false;   // by an evaluation that has not ended, or is done and ranked, or by a
                          // rejudge that is neither applied nor dropped
-};
-
-// An artefact with files that nobody has submitted.
-struct UploadRow {
-  std::string hash;
-  int64_t bytes = 0;
-  int64_t at = 0;  // when it was last uploaded
 };
 
 // A row of a team's ledger; the rules are in quota.h.

@@ -25,8 +25,8 @@ class UploadsTest : public StoreTest {
       return writer.content.AddUpload(row, {uploader, team, organiser}, kLimits);
     });
   }
-  std::vector<UploadRow> Uploads() {
-    std::vector<UploadRow> uploads;
+  std::vector<ArtefactUse> Uploads() {
+    std::vector<ArtefactUse> uploads;
     Read([&](const Transaction& reader) { uploads = reader.content.Uploads(); });
     return uploads;
   }
