@@ -14,7 +14,6 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr int64_t kMaxEntries = int64_t{1} << 40;
-constexpr size_t kMaxHeadBytes = 4096;
 
 Json HeadToJson(const RecordHead& head) {
   return {{"size", head.size}, {"root", ToHex(head.root)}, {"chain", head.chain}};
@@ -48,9 +47,6 @@ absl::StatusOr<std::string> SignHead(const RecordHead& head, const SigningKey& k
 }
 
 absl::StatusOr<RecordHead> ParseHead(std::string_view text) {
-  if (text.size() > kMaxHeadBytes) {
-    return absl::DataLossError("this is not a head of a record: it is too long");
-  }
   const absl::StatusOr<Json> json = ParseJson(text, "head");
   if (!json.ok()) return absl::DataLossError(json.status().message());
   absl::StatusOr<RecordHead> head = HeadOfJson(At(*json, "head"));
@@ -74,19 +70,23 @@ absl::StatusOr<Json> SignWithheld(const WithheldReceipt& withheld, const Signing
                                    {"head", HeadToJson(withheld.head)}});
 }
 
-absl::StatusOr<WithheldReceipt> CheckWithheld(const Json& json, const PublicKey& key) {
+absl::StatusOr<WithheldReceipt> CheckWithheld(const Json& json, const PublicKey& key,
+                                              const RecordHead& head) {
   const Json& content = At(json, "withheld");
   if (!key.IsSigned("withheld", json)) {
     return absl::PermissionDeniedError(
         "a reason why a receipt is missing was not signed with this key, or was altered "
         "since; export the record again");
   }
-  WithheldReceipt read{CountIn(content, "evaluation"), TextAt(content, "reason"), {}};
-  absl::StatusOr<RecordHead> head = HeadOfJson(At(content, "head"));
-  if (!head.ok() || content.size() != 3 || read.evaluation < 0) {
+  WithheldReceipt read{CountIn(content, "evaluation"), TextAt(content, "reason"), head};
+  if (content.size() != 3 || read.evaluation < 0) {
     return absl::DataLossError("this is no reason why a receipt is missing");
   }
-  read.head = *std::move(head);
+  if (At(content, "head") != HeadToJson(head)) {
+    return absl::DataLossError(absl::StrCat("the reason why the receipt of evaluation ",
+                                            read.evaluation,
+                                            " is missing was signed for a different record"));
+  }
   return read;
 }
 

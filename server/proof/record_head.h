@@ -48,8 +48,10 @@ struct WithheldReceipt {
   RecordHead head;
 };
 absl::StatusOr<nlohmann::json> SignWithheld(const WithheldReceipt& withheld, const SigningKey& key);
-// DataLossError if it is none; PermissionDeniedError if it was not signed with this key.
-absl::StatusOr<WithheldReceipt> CheckWithheld(const nlohmann::json& json, const PublicKey& key);
+// DataLossError if it is none, or of another record than `head` is; PermissionDeniedError if it was
+// not signed with this key.
+absl::StatusOr<WithheldReceipt> CheckWithheld(const nlohmann::json& json, const PublicKey& key,
+                                              const RecordHead& head);
 
 // What a receipt has as "record": the entry, and the proof that it is the last one of the tree that
 // it made.
