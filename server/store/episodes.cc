@@ -84,30 +84,23 @@ constexpr StoredRows<EvaluationStanding, 6> kStandings = {
 }  // namespace
 
 std::vector<std::string> DifferencesBetween(const EpisodeRow& a, const EpisodeRow& b) {
+  Json facts_a = Parse(a.facts_json);
+  Json facts_b = Parse(b.facts_json);
+  // Takes a key from both.
+  const auto differ = [&](const char* key) { return Take(facts_a, key) != Take(facts_b, key); };
   std::vector<std::string> differs;
   if (a.seed != b.seed) differs.push_back("seed");
   if (a.outcome != b.outcome) differs.push_back("outcome");
   if (a.reason != b.reason) differs.push_back("reason");
   if (a.metrics_json != b.metrics_json) differs.push_back("metrics");
-  Json facts_a = Parse(a.facts_json);
-  Json facts_b = Parse(b.facts_json);
-  for (const char* clock : {"wall_s", "policy_cpu_s"}) {
-    Take(facts_a, clock);
-    Take(facts_b, clock);
-  }
   for (const char* key : {"steps", "sim_time", "clipped"}) {
-    if (Take(facts_a, key) != Take(facts_b, key)) differs.push_back(key);
+    if (differ(key)) differs.push_back(key);
   }
-  if (Take(facts_a, "actions_digest") != Take(facts_b, "actions_digest")) {
-    differs.push_back("actions");
-  }
-  const bool digest_differs = Take(facts_a, "digest") != Take(facts_b, "digest");
-  // A fault's evidence may hold a measured time; its outcome is compared above.
-  for (Json* facts : {&facts_a, &facts_b}) {
-    Take(*facts, "fault");
-    Take(*facts, "log");  // follows from what is compared, and may have been truncated
-    Take(*facts, "seed");
-  }
+  if (differ("actions_digest")) differs.push_back("actions");
+  const bool digest_differs = differ("digest");
+  // Not compared: a fault's evidence may hold a measured time, and its outcome is compared above; the
+  // log follows from what is compared, and may have been truncated.
+  for (const char* key : {"wall_s", "policy_cpu_s", "fault", "log", "seed"}) differ(key);
   if (CanonicalJson(facts_a) != CanonicalJson(facts_b)) differs.push_back("facts");
   if (digest_differs) differs.push_back("digest");
   return differs;
@@ -115,14 +108,13 @@ std::vector<std::string> DifferencesBetween(const EpisodeRow& a, const EpisodeRo
 
 std::string CanonicalResult(const EpisodeRow& row, const std::string& seed_salt) {
   Json facts = Parse(row.facts_json);
-  const Json steps = facts.is_object() && facts.contains("steps") ? facts["steps"] : Json();
-  const Json digest = facts.is_object() && facts.contains("digest") ? facts["digest"] : Json();
+  if (!facts.is_object()) facts = Json::object();
   Json result = {{"index", row.index},
                  {"outcome", OutcomeName(row.outcome)},
                  {"reason", row.reason.name()},
                  {"metrics", Parse(row.metrics_json)},
-                 {"steps", steps},
-                 {"digest", digest}};
+                 {"steps", facts["steps"]},
+                 {"digest", facts["digest"]}};
   if (seed_salt.empty()) {
     result["seed"] = row.seed;
   } else {
