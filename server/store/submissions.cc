@@ -143,24 +143,18 @@ absl::Status Submissions::CheckReruns(int64_t submission, const std::string& who
       0) FROM evaluation AS e JOIN transition AS t ON t.entity = 'evaluation' AND t.entity_id = e.id
       AND t.from_state = '' WHERE e.kind = 'rerun' AND e.finished_at IS NULL)",
       who, submission);
-  struct Limit {
-    std::string what;
-    int64_t count;
-    int64_t most;
+  const auto check = [](int64_t count, int64_t most, const std::string& what) {
+    if (count < most) return absl::OkStatus();
+    return CodedRefusal("quota",
+                        absl::StrCat(count, " ", what, " have not ended, and ", most,
+                                     " is the most; wait for one to end, or cancel it"));
   };
-  std::vector<Limit> applying;
   if (!organiser) {
-    applying = {{absl::StrCat("reruns of submission ", submission), of_it, limits.of_a_submission},
-                {absl::StrCat("reruns that ", who, " asked for"), own, limits.of_one}};
+    RETURN_IF_ERROR(check(of_it, limits.of_a_submission,
+                          absl::StrCat("reruns of submission ", submission)));
+    RETURN_IF_ERROR(check(own, limits.of_one, absl::StrCat("reruns that ", who, " asked for")));
   }
-  applying.push_back({"reruns", all, organiser ? limits.of_organisers : limits.unfinished});
-  for (const Limit& limit : applying) {
-    if (limit.count < limit.most) continue;
-    return CodedRefusal(
-        "quota", absl::StrCat(limit.count, " ", limit.what, " have not ended, and ", limit.most,
-                              " is the most; wait for one to end, or cancel it"));
-  }
-  return absl::OkStatus();
+  return check(all, organiser ? limits.of_organisers : limits.unfinished, "reruns");
 }
 
 absl::StatusOr<std::optional<Accepted>> Submissions::FindOfficial(const NewSubmission& submission,
