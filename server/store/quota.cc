@@ -26,44 +26,6 @@ std::string CountedUnits(int64_t count, Budget budget) {
   return Counted(count, "failed try", "failed tries");
 }
 
-// A team's use of a place: what its ledger has, and what was accepted and has neither ended nor been
-// charged.
-void AddUse(SQLite::Database& db, int64_t team, const std::string& track, const std::string& phase,
-            QuotaUse& use) {
-  const std::string admissions = absl::StrCat(
-      "FROM admission AS a JOIN evaluation AS e ON e.submission = a.submission "
-      "AND e.kind = 'original' WHERE a.team_id IN ",
-      RowsOfTeam(2), " AND a.track = ?3 AND a.phase = ?4 AND e.finished_at IS NULL ");
-  use.waiting = FirstValue<int64_t>(
-      db, absl::StrCat("SELECT count(*) ", admissions, "AND e.state = 'queued'"), use.day, team,
-      track, phase);
-  // Unreadable entries count for nothing; the ledger reports them.
-  Statement select(
-      db,
-      absl::StrCat("SELECT budget, entry, sum(amount), sum(amount * (day = ?1)) FROM ("
-                   "SELECT budget, entry, amount, day FROM ledger WHERE team_id IN ",
-                   RowsOfTeam(2),
-                   " AND track = ?3 AND phase = ?4 AND typeof(amount) = 'integer' "
-                   "AND amount BETWEEN 1 AND ?5 UNION ALL SELECT a.budget, 'open', 1, a.day ",
-                   admissions,
-                   "AND NOT EXISTS (SELECT 1 FROM ledger AS l WHERE l.submission = a.submission "
-                   "AND l.entry = 'charge')) GROUP BY budget, entry"),
-      use.day, team, track, phase, kMostUnits);
-  while (select.executeStep()) {
-    const std::optional<Budget> budget = ParseEnum<Budget>(select.getColumn(0).getString());
-    if (!budget) continue;
-    const std::string entry = select.getColumn(1).getString();
-    for (const auto& [sums, column] : {std::pair{&use.total, 2}, std::pair{&use.today, 3}}) {
-      BudgetUse& sum = (*sums)[static_cast<size_t>(*budget)];
-      const int64_t amount = select.getColumn(column).getInt64();
-      if (entry == "grant") sum.granted += amount;
-      if (entry == "charge") sum.charged += amount;
-      if (entry == "refund") sum.charged -= amount;
-      if (entry == "open") sum.open += amount;
-    }
-  }
-}
-
 absl::Status Refuse(const std::string& sentence) { return CodedRefusal("quota", sentence); }
 
 // What a quota is of, in sentences.
@@ -112,27 +74,6 @@ void Charge(SQLite::Database& db, int64_t now_ms, int64_t evaluation, const char
                    "JOIN admission AS a ON a.submission = e.submission "
                    "WHERE e.id = ? AND e.kind = 'original' ON CONFLICT DO NOTHING"),
       now_ms, who, why, evaluation);
-}
-
-int64_t QuotaDay(SQLite::Database& db, int64_t now_ms) {
-  // Rows of a clock that was far ahead must not hold the day there until the calendar arrives.
-  const int64_t today = now_ms / kDayMs;
-  const int64_t newest = FirstValue<int64_t>(db, R"(
-      SELECT max(ifnull((SELECT max(day) FROM admission WHERE day <= ?1), 0),
-      ifnull((SELECT max(day) FROM ledger WHERE day <= ?1), 0)))",
-                                             std::min(today + 1, kLastDay));
-  return std::max(newest, today);
-}
-
-// Adds an entry of no submission, as of the store's current day.
-absl::Status AddUnits(SQLite::Database& db, int64_t now_ms, const char* entry,
-                      const NewGrant& units, const std::string& who) {
-  ASSIGN_OR_RETURN(const std::string name, TeamNamed(db, units.team));
-  const int64_t team = AddTeam(db, name, now_ms, who);
-  Run(db, absl::StrCat(kAddLedgerRow, "VALUES (?, ?, ?, ?, ?, ?, ?, ?, NULL, ?, ?)"), now_ms,
-      QuotaDay(db, now_ms), team, units.track, units.phase, EnumName(units.budget), entry,
-      units.amount, who, units.why);
-  return absl::OkStatus();
 }
 
 constexpr StoredRows<LedgerRow, 11> kLedger = {
@@ -211,22 +152,61 @@ void Quotas::Settle(int64_t evaluation, EvaluationState state, const std::string
   Charge(db_, now_ms_, evaluation, "'failed'", who, "every episode ended by the policy's fault");
 }
 
+absl::Status Quotas::AddUnits(const char* entry, const NewGrant& units, const std::string& who) {
+  ASSIGN_OR_RETURN(const std::string name, TeamNamed(db_, units.team));
+  const int64_t team = AddTeam(db_, name, now_ms_, who);
+  Run(db_, absl::StrCat(kAddLedgerRow, "VALUES (?, ?, ?, ?, ?, ?, ?, ?, NULL, ?, ?)"), now_ms_,
+      DayAt(now_ms_), team, units.track, units.phase, EnumName(units.budget), entry, units.amount,
+      who, units.why);
+  return absl::OkStatus();
+}
+
 absl::Status Quotas::ChargeFailure(const std::string& team, const std::string& track,
                                    const std::string& who, const std::string& why) {
   return AddUnits(
-      db_, now_ms_, "charge",
+      "charge",
       {.team = team, .track = track, .budget = Budget::kFailed, .amount = 1, .why = why}, who);
 }
 
 absl::Status Quotas::Grant(const NewGrant& grant, const std::string& who) {
-  return AddUnits(db_, now_ms_, "grant", grant, who);
+  return AddUnits("grant", grant, who);
 }
 
 QuotaUse Quotas::CountQuotaUse(const std::string& team, const std::string& track, int64_t now_ms,
                                const std::string& phase) const {
   QuotaUse use;
-  use.day = QuotaDay(db_, now_ms);
-  AddUse(db_, KnownTeamId(db_, team), track, phase, use);
+  use.day = DayAt(now_ms);
+  // What the ledger has, and what was accepted and has neither ended nor been charged; nothing that
+  // waits has been. Unreadable entries count for nothing; the ledger reports them.
+  Statement select(
+      db_,
+      absl::StrCat("SELECT budget, entry, sum(amount), sum(amount * (day = ?1)) FROM ("
+                   "SELECT budget, entry, amount, day FROM ledger WHERE team_id IN ",
+                   RowsOfTeam(2),
+                   " AND track = ?3 AND phase = ?4 AND typeof(amount) = 'integer' "
+                   "AND amount BETWEEN 1 AND ?5 UNION ALL "
+                   "SELECT a.budget, iif(e.state = 'queued', 'waiting', 'open'), 1, a.day "
+                   "FROM admission AS a JOIN evaluation AS e ON e.submission = a.submission "
+                   "AND e.kind = 'original' WHERE a.team_id IN ",
+                   RowsOfTeam(2),
+                   " AND a.track = ?3 AND a.phase = ?4 AND e.finished_at IS NULL "
+                   "AND NOT EXISTS (SELECT 1 FROM ledger AS l WHERE l.submission = a.submission "
+                   "AND l.entry = 'charge')) GROUP BY budget, entry"),
+      use.day, KnownTeamId(db_, team), track, phase, kMostUnits);
+  while (select.executeStep()) {
+    const std::optional<Budget> budget = ParseEnum<Budget>(select.getColumn(0).getString());
+    const std::string entry = select.getColumn(1).getString();
+    if (entry == "waiting") use.waiting += select.getColumn(2).getInt64();
+    if (!budget) continue;
+    for (const auto& [sums, column] : {std::pair{&use.total, 2}, std::pair{&use.today, 3}}) {
+      BudgetUse& sum = (*sums)[static_cast<size_t>(*budget)];
+      const int64_t amount = select.getColumn(column).getInt64();
+      if (entry == "grant") sum.granted += amount;
+      if (entry == "charge") sum.charged += amount;
+      if (entry == "refund") sum.charged -= amount;
+      if (entry == "open" || entry == "waiting") sum.open += amount;
+    }
+  }
   return use;
 }
 
@@ -238,7 +218,15 @@ std::string Quotas::ChargedBudget(int64_t submission) const {
                                  submission);
 }
 
-int64_t Quotas::DayAt(int64_t now_ms) const { return QuotaDay(db_, now_ms); }
+int64_t Quotas::DayAt(int64_t now_ms) const {
+  // Rows of a clock that was far ahead must not hold the day there until the calendar arrives.
+  const int64_t today = now_ms / kDayMs;
+  const int64_t newest = FirstValue<int64_t>(db_, R"(
+      SELECT max(ifnull((SELECT max(day) FROM admission WHERE day <= ?1), 0),
+      ifnull((SELECT max(day) FROM ledger WHERE day <= ?1), 0)))",
+                                             std::min(today + 1, kLastDay));
+  return std::max(newest, today);
+}
 
 Listed<LedgerRow> Quotas::Ledger(const std::string& team, const std::string& track, int64_t before,
                                  int64_t limit) const {

@@ -117,6 +117,10 @@ class Quotas : StorePart {
   absl::Status Grant(const NewGrant& grant, const std::string& who);
   void ChargeFirstEpisode(int64_t evaluation, const std::string& why);
   void Settle(int64_t evaluation, EvaluationState state, const std::string& who);
+
+ private:
+  // Adds an entry of no submission, as of the store's current day.
+  absl::Status AddUnits(const char* entry, const NewGrant& units, const std::string& who);
 };
 
 }  // namespace myograde::server
