@@ -238,14 +238,14 @@ std::function<std::vector<PictureKey>()> PicturesOfEnded(ReaderPool& readers) {
   return [&readers, seen = last.value_or(0)]() mutable {
     std::vector<PictureKey> keys;
     const absl::Status status = readers.Read([&](const Transaction& reader) {
-      const std::vector<EndedEvaluation> ended = reader.evaluations.DoneSince(seen, kMostEnded);
+      const std::vector<int64_t> ended = reader.evaluations.DoneSince(seen, kMostEnded);
       seen = std::max(seen, reader.evaluations.LastEnd());
-      for (const EndedEvaluation& one : ended) {
-        const auto own = PicturesOf(reader, one.evaluation);
+      for (const int64_t evaluation : ended) {
+        const auto own = PicturesOf(reader, evaluation);
         if (own.ok()) {
           keys.insert(keys.end(), own->begin(), own->end());
         } else {
-          spdlog::warn("pictures of evaluation {}: {}", one.evaluation,
+          spdlog::warn("pictures of evaluation {}: {}", evaluation,
                        std::string(own.status().message()));
         }
       }

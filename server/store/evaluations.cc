@@ -258,14 +258,12 @@ absl::StatusOr<std::string> Evaluations::TeamOf(int64_t id) const {
   return NoSuch("evaluation", id);
 }
 
-std::vector<EndedEvaluation> Evaluations::DoneSince(int64_t after_ms, int64_t limit) const {
-  constexpr StoredRows<EndedEvaluation, 2> kEnded = {"evaluation", "SELECT id, finished_at FROM "};
-  return kEnded
-      .List(db_, R"((SELECT id, finished_at FROM evaluation
-      WHERE state = 'done' AND finished_at > ? ORDER BY finished_at DESC, id DESC LIMIT ?)
-      ORDER BY finished_at, id)",
-            after_ms, limit)
-      .rows;
+std::vector<int64_t> Evaluations::DoneSince(int64_t after_ms, int64_t limit) const {
+  // A damaged row's time may be a text, which SQLite takes for later than any number.
+  return AllValues<int64_t>(db_, R"(SELECT id FROM (SELECT id, finished_at FROM evaluation
+      WHERE state = 'done' AND finished_at > ? AND typeof(finished_at) = 'integer'
+      ORDER BY finished_at DESC, id DESC LIMIT ?) ORDER BY finished_at, id)",
+                            after_ms, limit);
 }
 
 int64_t Evaluations::LastEnd() const {

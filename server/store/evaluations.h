@@ -16,11 +16,6 @@
 
 namespace myograde::server {
 
-struct EndedEvaluation {
-  int64_t evaluation = 0;
-  int64_t finished_at = 0;
-};
-
 // An evaluation to queue.
 struct NewEvaluation {
   int64_t submission = 0;
@@ -50,7 +45,7 @@ class Evaluations : StorePart {
                                                          int64_t id) const;
   absl::StatusOr<std::string> TeamOf(int64_t id) const;
   // Evaluations that ended as done after `after_ms`: the last `limit` of them, oldest first.
-  std::vector<EndedEvaluation> DoneSince(int64_t after_ms, int64_t limit) const;
+  std::vector<int64_t> DoneSince(int64_t after_ms, int64_t limit) const;
   // When the last one ended, in ms since 1970; 0: none has.
   int64_t LastEnd() const;
   // Evaluations that are done: all, or those without a standing.
