@@ -187,9 +187,10 @@ absl::Status Daemon::OpenStore() {
                  migration->from, migration->to, migration->copy);
   }
   RETURN_IF_ERROR(SetWebhooks(configs_.webhooks, *store_));
-  readers_.SetObserver([this](absl::Duration took) { metrics_->ObserveStoreRead(took); });
-  readers_.SetCorruptObserver(
-      [this](const absl::Status& status) { store_->Distrust(std::string(status.message())); });
+  readers_.SetObserver([this](absl::Duration took, const absl::Status& read) {
+    metrics_->ObserveStoreRead(took);
+    if (IsCorruptStore(read)) store_->Distrust(std::string(read.message()));
+  });
   ASSIGN_OR_RETURN(phases_, TakePhases(configs_, *store_, readers_, clock_.Now()));
   ASSIGN_OR_RETURN(const std::vector<Damage> damaged, FillStandings(*store_, readers_));
   for (const Damage& damage : damaged) spdlog::error("{}", DamageText(damage));

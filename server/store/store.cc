@@ -171,20 +171,17 @@ absl::StatusOr<std::unique_ptr<SQLite::Database>> ReaderPool::Take() {
 }
 
 absl::Status ReaderPool::Read(const std::function<absl::Status(const Transaction&)>& body) {
-  absl::StatusOr<std::unique_ptr<SQLite::Database>> db = Take();
-  if (IsCorruptStore(db.status()) && corrupt_observer_ != nullptr) corrupt_observer_(db.status());
-  if (!db.ok()) return db.status();
   const absl::Duration begin = SystemClock().Monotonic();
+  absl::StatusOr<std::unique_ptr<SQLite::Database>> db = Take();
   absl::Status answer;
-  const absl::Status status = GuardSqlite(path_, [&] {
+  const absl::Status status = !db.ok() ? db.status() : GuardSqlite(path_, [&] {
     SQLite::Transaction transaction(**db);  // deferred: all queries see one state
     const Transaction reader({.db = **db, .fold = &fold_});
     answer = body(reader);
     transaction.commit();
     return absl::OkStatus();
   });
-  if (observer_ != nullptr) observer_(SystemClock().Monotonic() - begin);
-  if (IsCorruptStore(status) && corrupt_observer_ != nullptr) corrupt_observer_(status);
+  if (observer_ != nullptr) observer_(SystemClock().Monotonic() - begin, status);
   if (!status.ok()) return status;  // close the connection, as its state is unknown
   const MutexLock lock(mutex_);
   if (free_.size() < kKept) free_.push_back(*std::move(db));

@@ -98,15 +98,10 @@ class ReaderPool {
   explicit ReaderPool(std::string path);
   ~ReaderPool();
 
-  // Is told how long each Read took. Before anybody reads.
-  void SetObserver(std::function<void(absl::Duration)> observer) {
+  // Is told how long each Read took, and whether the store could be read, on any thread. Before
+  // anybody reads.
+  void SetObserver(std::function<void(absl::Duration, const absl::Status&)> observer) {
     observer_ = std::move(observer);
-  }
-
-  // Is told of each Read that found the store corrupt (damage.h), on any thread. Before anybody
-  // reads.
-  void SetCorruptObserver(std::function<void(const absl::Status&)> observer) {
-    corrupt_observer_ = std::move(observer);
   }
 
   // Runs `body` on a free connection, or opens one.
@@ -133,8 +128,7 @@ class ReaderPool {
 
   const std::string path_;
   BoardFold fold_;
-  std::function<void(absl::Duration)> observer_;
-  std::function<void(const absl::Status&)> corrupt_observer_;
+  std::function<void(absl::Duration, const absl::Status&)> observer_;
   Mutex mutex_;
   std::vector<std::unique_ptr<SQLite::Database>> free_ ABSL_GUARDED_BY(mutex_);
 };

@@ -229,7 +229,7 @@ TEST_F(RetentionFolder, WhatIsSubmittedBeforeItsRemovalIsWrittenStays) {
   std::atomic<bool> sweeping = false;
   std::thread::id loop;
   int reads = 0;
-  readers_->SetObserver([&, test = std::this_thread::get_id()](absl::Duration) {
+  readers_->SetObserver([&, test = std::this_thread::get_id()](absl::Duration, const absl::Status&) {
     const std::thread::id own = std::this_thread::get_id();
     if (own == test || !sweeping || own == loop) return;
     // The sweep's second read finds the artefacts that nobody needs.

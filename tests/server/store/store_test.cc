@@ -87,8 +87,9 @@ TEST_F(StoreTest, TellsOfPagesThatCantBeRead) {
   }
   ReaderPool readers(path_);
   std::string told;
-  readers.SetCorruptObserver(
-      [&](const absl::Status& status) { told = std::string(status.message()); });
+  readers.SetObserver([&](absl::Duration, const absl::Status& status) {
+    if (IsCorruptStore(status)) told = std::string(status.message());
+  });
   const absl::Status read = readers.Read([](const Transaction& reader) {
     return reader.submissions.Find(1).status();
   });
