@@ -33,6 +33,10 @@ int64_t RowsEver(SQLite::Database& db) {
   return db.execAndGet("SELECT CAST(total(seq) AS INTEGER) FROM sqlite_sequence").getInt64();
 }
 
+constexpr size_t kDatabase = 0;
+constexpr size_t kLog = 1;
+constexpr const char* kEndings[] = {"", "-wal"};
+
 // Idle connections kept open between requests; each has a cache of about 1 MiB (OpenForReading).
 constexpr size_t kKept = 8;
 
@@ -56,42 +60,35 @@ absl::StatusOr<std::unique_ptr<Store>> Store::Open(const std::string& path, cons
     store->Remember(RowsEver(db));
     return absl::OkStatus();
   }));
-  store->files_ = FilesOf(path);
+  store->opened_ = FilesOf(path);
   return store;
 }
 
-std::vector<Store::File> Store::FilesOf(const std::string& path) {
-  std::vector<File> files;
-  for (const char* part : {"", "-wal"}) {
+Store::Files Store::FilesOf(const std::string& path) {
+  Files files;
+  for (const size_t i : {kDatabase, kLog}) {
     struct stat info;
-    const std::string file = path + part;
-    if (stat(file.c_str(), &info) == 0) files.push_back({file, info.st_dev, info.st_ino});
+    if (stat((path + kEndings[i]).c_str(), &info) != 0) continue;
+    files[i] = {info.st_dev, info.st_ino,
+                info.st_mtim.tv_sec * int64_t{1'000'000'000} + info.st_mtim.tv_nsec, info.st_size};
   }
   return files;
-}
-
-Store::Look Store::LookAt(const std::string& path) {
-  Look look;
-  struct stat info;
-  if (stat(path.c_str(), &info) == 0) {
-    look.modified_ns = info.st_mtim.tv_sec * int64_t{1'000'000'000} + info.st_mtim.tv_nsec;
-  }
-  if (stat((path + "-wal").c_str(), &info) == 0) look.wal_bytes = info.st_size;
-  return look;
 }
 
 void Store::Remember(int64_t rows) {
   const MutexLock lock(mutex_);
   rows_ = rows;
-  look_.wal_bytes = LookAt(path_).wal_bytes;
+  seen_[kLog].bytes = FilesOf(path_)[kLog].bytes;
 }
 
-void Store::Watch() {
-  const Look look = LookAt(path_);
+void Store::Watch(const Files& files) {
   int64_t written = 0;
   {
     const MutexLock lock(mutex_);
-    if (look.modified_ns == look_.modified_ns && look.wal_bytes >= look_.wal_bytes) return;
+    if (files[kDatabase].modified_ns == seen_[kDatabase].modified_ns &&
+        files[kLog].bytes >= seen_[kLog].bytes) {
+      return;
+    }
     written = rows_;
   }
   int64_t there = 0;
@@ -108,19 +105,21 @@ void Store::Watch() {
         path_, ": was overwritten with an older store while the daemon runs; restore the newest backup"));
   }
   const MutexLock lock(mutex_);
-  look_ = look;
+  seen_ = files;
 }
 
 absl::Status Store::Check() {
-  for (const File& file : files_) {
-    struct stat info;
-    const bool there = stat(file.path.c_str(), &info) == 0;
-    if (there && info.st_dev == file.device && info.st_ino == file.inode) continue;
+  const Files files = FilesOf(path_);
+  for (const size_t i : {kDatabase, kLog}) {
+    const File& file = opened_[i];
+    if (file.inode == 0) continue;
+    if (files[i].device == file.device && files[i].inode == file.inode) continue;
     return absl::UnavailableError(absl::StrCat(
-        file.path, ": was ", there ? "replaced" : "removed", " while the daemon runs, so nothing that ",
-        "it writes would last; stop the daemon, restore the store from a backup, and start it again"));
+        path_, kEndings[i], ": was ", files[i].inode != 0 ? "replaced" : "removed",
+        " while the daemon runs, so nothing that it writes would last; stop the daemon, restore the "
+        "store from a backup, and start it again"));
   }
-  Watch();
+  Watch(files);
   const MutexLock lock(mutex_);
   if (distrust_.empty()) return absl::OkStatus();
   return absl::UnavailableError(

@@ -10,6 +10,7 @@
 // effect is already there succeeds.
 #pragma once
 
+#include <array>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -59,29 +60,25 @@ class Store {
  private:
   Store(std::string path, std::unique_ptr<SQLite::Database> db, const Clock& clock);
 
-  // A file as it was when the store was opened.
   struct File {
-    std::string path;
     uint64_t device = 0;
-    uint64_t inode = 0;
+    uint64_t inode = 0;  // 0: it is not there
+    int64_t modified_ns = 0;
+    int64_t bytes = 0;
   };
-  static std::vector<File> FilesOf(const std::string& path);
-
-  // What changes in the files at each checkpoint alone, and so tells when to read what is in them.
-  struct Look {
-    int64_t modified_ns = 0;  // the database file
-    int64_t wal_bytes = 0;    // its log gets shorter only by a checkpoint
-  };
-  static Look LookAt(const std::string& path);
+  // The database and its log. Only a checkpoint changes the one or cuts the other, and so tells when
+  // to read what is in them.
+  using Files = std::array<File, 2>;
+  static Files FilesOf(const std::string& path);
   // Distrusts the store if what was written last is not in its files any more.
-  void Watch();
+  void Watch(const Files& files);
   void Remember(int64_t rows);
 
   std::string path_;
-  std::vector<File> files_;
+  Files opened_;  // as they were then
   mutable Mutex mutex_;
   std::string distrust_ ABSL_GUARDED_BY(mutex_);  // "": none
-  Look look_ ABSL_GUARDED_BY(mutex_);
+  Files seen_ ABSL_GUARDED_BY(mutex_);
   int64_t rows_ ABSL_GUARDED_BY(mutex_) = 0;  // RowsEver as of the last write
   std::unique_ptr<SQLite::Database> db_;
   BoardState board_;  // of the journal; empty again after what was rolled back
