@@ -160,7 +160,7 @@ ApiResult CreateTeam(const ApiContext& context, const Request&, const Json& body
   return ChangeTeam(
       context, team,
       [team, why, who = CallerKey()](Transaction& writer) -> absl::StatusOr<bool> {
-        RETURN_IF_ERROR(writer.teams.Create(team, who, why).status());
+        RETURN_IF_ERROR(writer.teams.Create(team, who, why));
         return true;
       },
       201);

@@ -24,8 +24,8 @@ constexpr StoredRows<AttemptRow, 9> kRuns = {
     "SELECT r.block, r.attempt, r.node, r.job, ifnull(r.began_at, 0), r.ended_at, r.cpu_ms, "
     "r.energy_mj, r.how FROM block AS l JOIN attempt AS r ON r.block = l.id "};
 
-constexpr StoredRows<DrainedNodeRow, 5> kNodes = {
-    "node_event", "SELECT id, at, node, who, why FROM node_event AS n "};
+constexpr StoredRows<DrainedNodeRow, 4> kNodes = {
+    .table = "node_event", .select = "SELECT id, at, node, who, why FROM node_event AS n ", .first = 1};
 
 // The newest event of a node and its reason; "" if there is none.
 std::tuple<std::string, std::string> LatestEvent(SQLite::Database& db, const std::string& node) {

@@ -1,6 +1,7 @@
 #include "server/store/deliveries.h"
 
 #include <absl/strings/escaping.h>
+#include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/config_reader.h"
@@ -19,10 +20,6 @@ constexpr size_t kEventIdBytes = 16;
 constexpr StoredRows<DeliveryRow, 9> kDeliveries = {
     "delivery",
     "SELECT id, at, webhook, event, body_json, state, attempts, due_at, detail FROM delivery "};
-
-// Of evaluations that ended, by their state.
-constexpr const char* kEndEvents[] = {"",           "",              kFinishedEvent,
-                                      kFailedEvent, kCancelledEvent, kGraderErrorEvent};
 
 }  // namespace
 
@@ -60,7 +57,9 @@ void Deliveries::TellEnd(int64_t evaluation, EvaluationState state) {
                     {"phase", TextOrNull(row->phase)},
                     {"ranked", row->ranked}});
     }
-    return Tell(kEndEvents[static_cast<size_t>(state)], CanonicalJson(about));
+    const bool done = state == EvaluationState::kDone;
+    return Tell(done ? kFinishedEvent : absl::StrCat("submission.", std::string(EnumName(state))),
+                CanonicalJson(about));
   });
 }
 

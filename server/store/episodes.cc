@@ -51,8 +51,8 @@ constexpr StoredRows<EpisodeRow, 9> kEpisodes = {
                  : "its \"outcome\" and its \"reason\" contradict each other";
     }};
 
-constexpr StoredRows<RepeatRow, 3> kRepeats = {
-    .table = "replay", .select = "SELECT id, idx, attempt, differs_json FROM replay ", .first = 1};
+constexpr StoredRows<RepeatRow, 2> kRepeats = {
+    .table = "replay", .select = "SELECT id, idx, differs_json FROM replay ", .first = 1};
 
 struct DetailsRow {
   int64_t index = 0;

@@ -30,14 +30,14 @@ void MendTypes(SQLite::Database& db, const char* table, int64_t id) {
   Run(db, absl::StrCat("UPDATE ", table, " SET ", absl::StrJoin(set, ", "), " WHERE id = ?"), id);
 }
 
-constexpr StoredRows<EvaluationRow, 18> kEvaluations = {
+constexpr StoredRows<EvaluationRow, 17> kEvaluations = {
     .table = "evaluation",
     .select =
         "SELECT e.id, e.submission, e.kind, e.first, e.last, e.state, e.reason, e.grader_json, "
-        "ifnull(e.results_hash, ''), e.created_at, ifnull(e.started_at, 0), "
-        "ifnull(e.finished_at, 0), ifnull(e.config, ''), ifnull(e.seeds, ''), "
-        "ifnull(e.rejudge, 0), ifnull(e.repetition, 0), ifnull(e.source, 0), "
-        "ifnull(e.method, 'play') FROM evaluation AS e ",
+        "ifnull(e.results_hash, ''), ifnull(e.started_at, 0), ifnull(e.finished_at, 0), "
+        "ifnull(e.config, ''), ifnull(e.seeds, ''), ifnull(e.rejudge, 0), "
+        "ifnull(e.repetition, 0), ifnull(e.source, 0), ifnull(e.method, 'play') "
+        "FROM evaluation AS e ",
     .wrong = [](const EvaluationRow& evaluation) {
       if (evaluation.last < evaluation.first) return "its last episode comes before its first";
       return IsFinal(evaluation.state) == (evaluation.finished_at > 0)

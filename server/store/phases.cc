@@ -188,9 +188,9 @@ absl::Status PhaseActs::CheckSecret(const std::string& phase, const std::string&
 }
 
 absl::StatusOr<std::vector<PhaseUse>> PhaseActs::InUse() const {
-  constexpr StoredRows<PhaseUse, 6> kUses = {
+  constexpr StoredRows<PhaseUse, 5> kUses = {
       .table = "submission",
-      .select = R"(SELECT max(s.id), s.phase, s.track, s.profile, s.config, count(*),
+      .select = R"(SELECT max(s.id), s.phase, s.track, s.profile, count(*),
       sum(e.finished_at IS NULL AND e.id IS NOT NULL) FROM submission AS s
       LEFT JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' )",
       .first = 1};

@@ -75,7 +75,6 @@ struct EvaluationRow {
   std::string reason;
   std::string grader_json;
   std::string results_hash;
-  int64_t created_at = 0;
   int64_t started_at = 0;
   int64_t finished_at = 0;
   // Hashes of what a rejudge is played under; "" is the submission's.
@@ -139,7 +138,6 @@ struct AttemptRow {
 
 // A node that gets no blocks.
 struct DrainedNodeRow {
-  int64_t id = 0;  // of the event
   int64_t at = 0;
   std::string node;
   std::string who;
@@ -163,7 +161,6 @@ struct EpisodeRow {
 
 struct RepeatRow {
   int64_t index = 0;
-  int64_t attempt = 0;
   std::vector<std::string> differs;
 };
 
@@ -273,7 +270,6 @@ struct PhaseUse {
   std::string phase;
   std::string track;
   std::string profile;
-  std::string config;  // of its latest submission
   int64_t submissions = 0;
   int64_t waiting = 0;  // evaluations that have not ended
 };

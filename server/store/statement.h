@@ -5,7 +5,6 @@
 #include <string>
 #include <string_view>
 #include <tuple>
-#include <utility>
 #include <vector>
 
 #include <SQLiteCpp/SQLiteCpp.h>
@@ -43,12 +42,8 @@ bool AnyRow(SQLite::Database& db, const std::string& sql, const Values&... value
 }
 
 template <typename Value>
-Value ValueAt(SQLite::Statement& select, int column) {
-  return select.getColumn(column);
-}
-template <typename... Columns, int... I>
-std::tuple<Columns...> ColumnsOf(SQLite::Statement& select, std::integer_sequence<int, I...>) {
-  return {ValueAt<Columns>(select, I)...};
+Value NextValue(SQLite::Statement& select, int& column) {
+  return select.getColumn(column++);
 }
 
 // The first columns of the first row, whole numbers and texts; 0 and "" if there is no row.
@@ -57,7 +52,8 @@ std::tuple<Columns...> FirstRow(SQLite::Database& db, const std::string& sql,
                                 const Values&... values) {
   Statement select(db, sql, values...);
   if (!select.executeStep()) return {};
-  return ColumnsOf<Columns...>(select, std::make_integer_sequence<int, sizeof...(Columns)>());
+  int column = 0;
+  return {NextValue<Columns>(select, column)...};  // in their order, as these are braces
 }
 
 // The same of one column.

@@ -60,6 +60,8 @@ class StoredColumn {
   [[noreturn]] void Fail(std::string_view problem) const;
   int64_t NumberTo(int64_t max) const;
   std::string Text() const;
+  template <typename Texts>
+  Texts JsonTexts(const char* type) const;  // "array" or "object"
   template <typename Value>
   Value Named(std::optional<Value> (*parse)(std::string_view)) const {
     const std::optional<Value> value = parse(Text());

@@ -138,12 +138,12 @@ void AddPeople(SQLite::Database& db, std::vector<TeamRow>& teams) {
 
 }  // namespace
 
-absl::StatusOr<std::string> Teams::Create(const std::string& team, const std::string& who,
-                                          const std::string& why) {
-  ASSIGN_OR_RETURN(std::string clean, CleanName(team, "the team's name"));
+absl::Status Teams::Create(const std::string& team, const std::string& who,
+                           const std::string& why) {
+  ASSIGN_OR_RETURN(const std::string clean, CleanName(team, "the team's name"));
   RETURN_IF_ERROR(CheckFree(db_, clean, 0));
   AddTeam(db_, clean, now_ms_, who, why);
-  return clean;
+  return absl::OkStatus();
 }
 
 absl::Status Teams::Found(const std::string& team, const std::string& person, int64_t most) {

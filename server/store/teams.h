@@ -41,10 +41,8 @@ class Teams : StorePart {
   std::vector<TeamEventRow> Events(const std::string& team) const;
   // Whether they can be merged; errors as of Teams::Merge.
   absl::Status CheckMerge(const std::string& team, const std::string& into) const;
-  // The stored name. FailedPreconditionError if there is such a team; otherwise the name errors of
-  // Accept.
-  absl::StatusOr<std::string> Create(const std::string& team, const std::string& who,
-                                     const std::string& why);
+  // FailedPreconditionError if there is such a team; otherwise the name errors of Accept.
+  absl::Status Create(const std::string& team, const std::string& who, const std::string& why);
   // Makes `person` the first member of a team, which is created if there is none. Does nothing for
   // a member. FailedPreconditionError with the code "forbidden" if the team has or had other
   // members, tokens, or submissions of others, or if the person would belong to more than `most`

@@ -24,8 +24,8 @@ TEST(NodesToJson, HasEachNodeOnceByName) {
   proved.done = 20;
   proved.faults = 1;
   const Json nodes = NodesToJson({proved, Node("n1", "drained", "its proof differs")},
-                                 {{7, 1000, "n1", "daemon 5", "its proof differs"},
-                                  {8, 2000, "n3", "uid 0", "a fan is broken"}}, true);
+                                 {{1000, "n1", "daemon 5", "its proof differs"},
+                                  {2000, "n3", "uid 0", "a fan is broken"}}, true);
   ASSERT_EQ(nodes.size(), 3u);
   EXPECT_EQ(nodes[0]["node"], "n1");
   EXPECT_EQ(nodes[0]["state"], "drained");
@@ -45,13 +45,13 @@ TEST(NodesToJson, HasEachNodeOnceByName) {
 
 TEST(NodesToJson, ANodeThatIsAdmittedAgainIsDrainedByNobody) {
   const Json nodes =
-      NodesToJson({Node("n1", "new")}, {{7, 1000, "n1", "uid 0", "a fan is broken"}}, true);
+      NodesToJson({Node("n1", "new")}, {{1000, "n1", "uid 0", "a fan is broken"}}, true);
   EXPECT_EQ(nodes[0]["state"], "new") << "the executor heard of it before the store was read";
   EXPECT_EQ(nodes[0]["drained_by"], nullptr);
 }
 
 TEST(NodesToJson, WhatAClusterHadBeforeIsNothingWithoutOne) {
-  EXPECT_EQ(NodesToJson({}, {{7, 1000, "n1", "uid 0", "a fan is broken"}}, false), Json::array());
+  EXPECT_EQ(NodesToJson({}, {{1000, "n1", "uid 0", "a fan is broken"}}, false), Json::array());
 }
 
 }  // namespace

@@ -23,7 +23,7 @@ class PeopleTest : public StoreTest {
     return store_->Write(change);
   }
   absl::Status Create(const std::string& team) {
-    return Write([&](Transaction& w) { return w.teams.Create(team, "uid 0", "").status(); });
+    return Write([&](Transaction& w) { return w.teams.Create(team, "uid 0", ""); });
   }
   absl::Status Found(const std::string& team, const std::string& person, int64_t most = 1) {
     return Write([&](Transaction& w) { return w.teams.Found(team, person, most); });

@@ -32,7 +32,7 @@ class TokensTest : public StoreTest {
   }
   void MakeTeam(const std::string& team) {
     ASSERT_TRUE(store_->Write([&](Transaction& writer) {
-      return writer.teams.Create(team, "uid 0", "").status();
+      return writer.teams.Create(team, "uid 0", "");
     }).ok());
   }
   int64_t now_ms() { return absl::ToUnixMillis(clock_.Now()); }
