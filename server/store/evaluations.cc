@@ -178,12 +178,9 @@ void Evaluations::AppendGraded(int64_t evaluation, const std::string& who) {
 }
 
 std::vector<int64_t> Evaluations::OpenOf(int64_t submission, bool reruns) {
-  const char* kinds = reruns ? "('original', 'rerun')" : "('original')";
-  return AllValues<int64_t>(
-      db_,
-      absl::StrCat("SELECT id FROM evaluation WHERE submission = ?1 AND kind IN ", kinds,
-                   " AND finished_at IS NULL ORDER BY id"),
-      submission);
+  return AllValues<int64_t>(db_, R"(SELECT id FROM evaluation WHERE submission = ?1
+      AND (kind = 'original' OR (?2 AND kind = 'rerun')) AND finished_at IS NULL ORDER BY id)",
+                            submission, reruns);
 }
 
 absl::Status Evaluations::EndWithBlocks(int64_t evaluation, EvaluationState state,
