@@ -10,6 +10,8 @@
 
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_replace.h>
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
 
 #include "protocol/tracks/registry.h"
 #include "server/cli/base/verbs.h"
@@ -227,6 +229,8 @@ int Main(int argc, char** argv) {
   ::signal(SIGPIPE, SIG_IGN);
   // So that the width of each character is known.
   std::setlocale(LC_CTYPE, "C.UTF-8");
+  // What the store logs must not get into what a verb prints.
+  spdlog::set_default_logger(spdlog::stderr_logger_mt("myograde"));
   const StandardOutput output;
   try {
     return WithOutput(Run(argc, argv));

@@ -182,10 +182,6 @@ absl::Status Daemon::TakeFolder() {
 absl::Status Daemon::OpenStore() {
   WarnOfLostStore(options_.data_dir, store_path_);
   ASSIGN_OR_RETURN(store_, Store::Open(store_path_, clock_));
-  if (const auto& migration = store_->migration()) {
-    spdlog::info("migrated the store from schema {} to {}; {} is a copy of the old one",
-                 migration->from, migration->to, migration->copy);
-  }
   RETURN_IF_ERROR(SetWebhooks(configs_.webhooks, *store_));
   readers_.SetObserver([this](absl::Duration took, const absl::Status& read) {
     metrics_->ObserveStoreRead(took);

@@ -138,15 +138,16 @@ absl::Status GuardSqlite(const std::string& path, const std::function<absl::Stat
   }
 }
 
-absl::StatusOr<OpenedStore> OpenForWriting(const std::string& path, Migrations migrations) {
-  OpenedStore opened;
+absl::StatusOr<std::unique_ptr<SQLite::Database>> OpenForWriting(const std::string& path,
+                                                                 Migrations migrations) {
+  std::unique_ptr<SQLite::Database> opened;
   RETURN_IF_ERROR(GuardSqlite(path, [&]() -> absl::Status {
     {
       const absl::Cleanup restore = [mask = umask(0077)] { umask(mask); };
-      opened.db = std::make_unique<SQLite::Database>(
+      opened = std::make_unique<SQLite::Database>(
           path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE, kBusyMs);
     }
-    SQLite::Database& db = *opened.db;
+    SQLite::Database& db = *opened;
     const bool whole = SizeOf(path + "-wal") == 0;
     RETURN_IF_ERROR(CheckSchema(db, path, migrations));
     if (whole) RETURN_IF_ERROR(CheckLength(db, path));
@@ -159,8 +160,7 @@ absl::StatusOr<OpenedStore> OpenForWriting(const std::string& path, Migrations m
     db.exec("PRAGMA journal_mode = WAL");
     db.exec("PRAGMA synchronous = FULL");
     db.exec("PRAGMA foreign_keys = ON");
-    ASSIGN_OR_RETURN(opened.migration, Migrate(db, path, migrations));
-    return absl::OkStatus();
+    return Migrate(db, path, migrations);
   }));
   return opened;
 }

@@ -4,7 +4,6 @@
 
 #include <functional>
 #include <memory>
-#include <optional>
 #include <string>
 
 #include <SQLiteCpp/SQLiteCpp.h>
@@ -26,16 +25,11 @@ absl::Status StatusOf(const std::string& path, const SQLite::Exception& error);
 // Runs `body` and converts what it throws into such a status.
 absl::Status GuardSqlite(const std::string& path, const std::function<absl::Status()>& body);
 
-struct OpenedStore {
-  std::unique_ptr<SQLite::Database> db;
-  std::optional<Migration> migration;
-};
-
 // Opens the store at `path` for writing: creates it (0600) if it is missing, sets WAL,
 // synchronous=FULL and foreign keys, and migrates it to the newest schema; errors also as in
 // migration.h.
-absl::StatusOr<OpenedStore> OpenForWriting(const std::string& path,
-                                           Migrations migrations = SchemaMigrations());
+absl::StatusOr<std::unique_ptr<SQLite::Database>> OpenForWriting(
+    const std::string& path, Migrations migrations = SchemaMigrations());
 
 // Opens an existing store for reading.
 absl::StatusOr<std::unique_ptr<SQLite::Database>> OpenForReading(const std::string& path);

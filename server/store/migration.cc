@@ -10,6 +10,7 @@
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <absl/cleanup/cleanup.h>
 #include <absl/strings/str_cat.h>
+#include <spdlog/spdlog.h>
 
 #include "protocol/base/fd.h"
 #include "protocol/base/status_macros.h"
@@ -106,29 +107,30 @@ absl::Status CheckSchema(SQLite::Database& db, const std::string& path, Migratio
           : absl::StrCat(path, ": is an SQLite database of something else; move it away"));
 }
 
-absl::StatusOr<std::optional<Migration>> Migrate(SQLite::Database& db, const std::string& path,
-                                                 Migrations migrations) {
-  Migration done{SchemaOf(db), static_cast<int>(migrations.size()), ""};
-  if (done.from == done.to) return std::nullopt;
-  if (done.from > 0) {
-    done.copy = CopyBeforeMigration(path, done.from);
-    if (absl::Status status = CopyTo(db, path, done.copy); !status.ok()) {
+absl::Status Migrate(SQLite::Database& db, const std::string& path, Migrations migrations) {
+  const int from = SchemaOf(db);
+  const int to = static_cast<int>(migrations.size());
+  if (from == to) return absl::OkStatus();
+  const std::string copy = CopyBeforeMigration(path, from);
+  if (from > 0) {
+    if (absl::Status status = CopyTo(db, path, copy); !status.ok()) {
       return absl::Status(
           status.code(),
           absl::StrCat(status.message(), "; it is the copy that is kept of ", path,
-                       " before its schema changes from ", done.from, " to ", done.to,
+                       " before its schema changes from ", from, " to ", to,
                        ", and without it the store stays as it is"));
     }
   }
-  for (size_t i = static_cast<size_t>(done.from); i < migrations.size(); ++i) {
+  for (size_t i = static_cast<size_t>(from); i < migrations.size(); ++i) {
     SQLite::Transaction transaction(db, SQLite::TransactionBehavior::IMMEDIATE);
     db.exec(migrations[i]);
     db.exec(absl::StrCat("PRAGMA user_version = ", i + 1));
     transaction.commit();
   }
-  if (done.from == 0) return std::nullopt;
-  RemoveOldCopies(path, done.from);
-  return done;
+  if (from == 0) return absl::OkStatus();
+  RemoveOldCopies(path, from);
+  spdlog::info("migrated the store from schema {} to {}; {} is a copy of the old one", from, to, copy);
+  return absl::OkStatus();
 }
 
 }  // namespace myograde::server

@@ -2,12 +2,10 @@
 // kept.
 #pragma once
 
-#include <optional>
 #include <span>
 #include <string>
 
 #include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 namespace SQLite {
 class Database;
@@ -23,12 +21,6 @@ Migrations SchemaMigrations();
 // Copies that are kept: of the stores before the latest two migrations.
 inline constexpr int kKeptCopies = 2;
 
-struct Migration {
-  int from = 0;
-  int to = 0;
-  std::string copy;  // the file with the store as it was
-};
-
 // The copy that is kept of a store at `path` of this schema.
 std::string CopyBeforeMigration(const std::string& path, int schema);
 
@@ -37,9 +29,8 @@ std::string CopyBeforeMigration(const std::string& path, int schema);
 absl::Status CheckSchema(SQLite::Database& db, const std::string& path, Migrations migrations);
 
 // Migrates the store at `path`, open as `db`, one version at a time and each in one transaction.
-// An existing one is first copied to CopyBeforeMigration() (0600); without that copy, nothing
-// changes. nullopt: the schema was the newest, or the store is new. Not thread-safe.
-absl::StatusOr<std::optional<Migration>> Migrate(SQLite::Database& db, const std::string& path,
-                                                 Migrations migrations);
+// An existing one is first copied to CopyBeforeMigration() (0600), which is logged; without that
+// copy, nothing changes. Not thread-safe.
+absl::Status Migrate(SQLite::Database& db, const std::string& path, Migrations migrations);
 
 }  // namespace myograde::server

@@ -48,9 +48,8 @@ Store::Store(std::string path, std::unique_ptr<SQLite::Database> db, const Clock
 Store::~Store() = default;
 
 absl::StatusOr<std::unique_ptr<Store>> Store::Open(const std::string& path, const Clock& clock) {
-  ASSIGN_OR_RETURN(OpenedStore opened, OpenForWriting(path));
-  std::unique_ptr<Store> store(new Store(path, std::move(opened.db), clock));
-  store->migration_ = std::move(opened.migration);
+  ASSIGN_OR_RETURN(std::unique_ptr<SQLite::Database> opened, OpenForWriting(path));
+  std::unique_ptr<Store> store(new Store(path, std::move(opened), clock));
   RETURN_IF_ERROR(GuardSqlite(path, [&]() -> absl::Status {
     SQLite::Database& db = *store->db_;
     store->trusted_time_ms_ = TrustedTimeOf(db);

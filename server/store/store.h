@@ -25,7 +25,6 @@
 #include "protocol/base/clock.h"
 #include "protocol/base/mutex.h"
 #include "protocol/base/status_macros.h"
-#include "server/store/migration.h"
 #include "server/store/transaction.h"
 
 namespace myograde::server {
@@ -54,9 +53,6 @@ class Store {
   // Who is told of what is written from now on. Not while anybody writes.
   void SetSubscriptions(Subscriptions subscriptions) { subscriptions_ = std::move(subscriptions); }
 
-  // How opening it changed the schema of a store that was there; the copy of what it was is kept.
-  const std::optional<Migration>& migration() const { return migration_; }
-
  private:
   Store(std::string path, std::unique_ptr<SQLite::Database> db, const Clock& clock);
 
@@ -84,7 +80,6 @@ class Store {
   BoardState board_;  // of the journal; empty again after what was rolled back
   const Clock& clock_;
   std::optional<int64_t> trusted_time_ms_;
-  std::optional<Migration> migration_;
   Subscriptions subscriptions_;
 };
 

@@ -89,7 +89,7 @@ SQLite::Database& Empty() {
   static const std::unique_ptr<SQLite::Database> db = [] {
     auto opened = OpenForWriting(TempFolder() / "empty.db");
     Require(opened.ok(), "a store can be made");
-    return std::move(opened->db);
+    return *std::move(opened);
   }();
   return *db;
 }
