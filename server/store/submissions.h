@@ -52,24 +52,16 @@ struct Founding {
   bool needed = true;  // false: it does not matter if the team is somebody else's
 };
 
-// A submission to accept. Content that the store already has is shared.
-struct NewSubmission {
-  std::string team;
-  std::string artefact;  // must be in the store
-  std::string track;
-  std::string profile;
-  std::string config;       // hash of `config_json`
-  std::string config_json;  // the effective track config, canonical
-  std::string seeds;        // hash of `seeds_json`
-  std::string seeds_json;   // array of numbers, canonical
+// A submission to accept, without what its acceptance adds. Its artefact must be in the store; other
+// content that the store already has is shared.
+struct NewSubmission : SubmissionRow {
+  std::string config_json;  // the effective track config, canonical; `config` is its hash
+  std::string seeds_json;   // array of numbers, canonical; `seeds` is its hash
   int64_t seed_count = 0;
-  bool ranked = false;
   std::string grader_json;
   std::vector<std::pair<int64_t, int64_t>> blocks;  // first and last episode of each block
   RequestKey request_key = {};
   std::optional<Founding> founding = std::nullopt;  // of its team, in the same change
-  std::string phase = "";                           // of a challenge; "": the track's own board
-  bool extra_observations = false;                  // its policy is shown them
   // Why nothing new is accepted; OkStatus(): it is. The ranked evaluation that an artefact has
   // already is found all the same.
   absl::Status closed = absl::OkStatus();

@@ -44,11 +44,18 @@ absl::Status Fill(Transaction& writer) {
   const std::string hash(64, 'a');
   absl::Status status =
       writer.content.AddArtefact({hash, "walker", {"./policy"}, {"python"}, 10, 2}).status();
-  const NewSubmission submission{.team = "alpha", .artefact = hash, .track = "manipulation",
-                                 .profile = "paper", .config = std::string(64, 'c'),
-                                 .config_json = "{}", .seeds = std::string(64, 'd'),
-                                 .seeds_json = "[1,2]", .seed_count = 2, .ranked = true,
-                                 .grader_json = "{}", .blocks = {{0, 1}}};
+  NewSubmission submission;
+  submission.team = "alpha";
+  submission.artefact = hash;
+  submission.track = "manipulation";
+  submission.profile = "paper";
+  submission.config = std::string(64, 'c');
+  submission.config_json = submission.grader_json = "{}";
+  submission.seeds = std::string(64, 'd');
+  submission.seeds_json = "[1,2]";
+  submission.seed_count = 2;
+  submission.ranked = true;
+  submission.blocks = {{0, 1}};
   const AdmissionRules rules = {
       .quota = {.ranked = {9, 9}, .practice = {9, 9}, .failed = {9, 9}, .waiting = 9}};
   const absl::StatusOr<Accepted> accepted = writer.submissions.Accept(submission, rules, "uid 0");

@@ -80,20 +80,21 @@ class Board {
     const TrackConfig& config = live_->config;
     Write([&](Transaction& writer) {
       EXPECT_TRUE(writer.content.AddArtefact({artefact, "walker", {"./policy"}, {}, 10, 2}).ok());
-      const absl::StatusOr<Accepted> accepted = writer.submissions.Accept(
-          {.team = team,
-           .artefact = artefact,
-           .track = config.id,
-           .profile = config.profile,
-           .config = config.hash,
-           .config_json = CanonicalJson(config.effective),
-           .seeds = Sha256Hex("[7]"),
-           .seeds_json = "[7]",
-           .seed_count = 1,
-           .ranked = true,
-           .grader_json = "{}",
-           .blocks = {{0, 0}}},
-          kAny, "uid 0");
+      NewSubmission submission;
+      submission.team = team;
+      submission.artefact = artefact;
+      submission.track = config.id;
+      submission.profile = config.profile;
+      submission.config = config.hash;
+      submission.config_json = CanonicalJson(config.effective);
+      submission.seeds = Sha256Hex("[7]");
+      submission.seeds_json = "[7]";
+      submission.seed_count = 1;
+      submission.ranked = true;
+      submission.grader_json = "{}";
+      submission.blocks = {{0, 0}};
+      const absl::StatusOr<Accepted> accepted =
+          writer.submissions.Accept(submission, kAny, "uid 0");
       if (accepted.ok()) open_.push_back(*accepted);
       return accepted.status();
     });

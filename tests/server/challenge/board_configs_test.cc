@@ -74,20 +74,22 @@ class BoardConfigsTest : public testing::Test {
     Write([&](Transaction& writer) {
       const std::string artefact = Sha256Hex(config.hash);
       EXPECT_TRUE(writer.content.AddArtefact({artefact, "walker", {"./policy"}, {}, 10, 2}).ok());
-      return writer
-          .submissions.Accept({.team = "alpha",
-                   .artefact = artefact,
-                   .track = config.id,
-                   .profile = config.profile,
-                   .config = config.hash,
-                   .config_json = CanonicalJson(config.effective),
-                   .seeds = Sha256Hex("[1]"),
-                   .seeds_json = "[1]",
-                   .seed_count = 1,
-                   .ranked = true,
-                   .grader_json = "{}",
-                   .blocks = {{0, 0}},
-                   .phase = config.phase},
+      NewSubmission submission;
+      submission.team = "alpha";
+      submission.artefact = artefact;
+      submission.track = config.id;
+      submission.profile = config.profile;
+      submission.config = config.hash;
+      submission.config_json = CanonicalJson(config.effective);
+      submission.seeds = Sha256Hex("[1]");
+      submission.seeds_json = "[1]";
+      submission.seed_count = 1;
+      submission.ranked = true;
+      submission.grader_json = "{}";
+      submission.blocks = {{0, 0}};
+      submission.phase = config.phase;
+      return writer.submissions
+          .Accept(submission,
                   {.quota = {.ranked = {9, 9}, .practice = {9, 9}, .failed = {9, 9}, .waiting = 9}},
                   "uid 0")
           .status();

@@ -137,11 +137,20 @@ class RetentionFolder : public testing::Test {
   static NewSubmission SubmissionOf(char artefact) {
     static const TrackConfig config =
         LoadTrackConfig(MYOGRADE_SOURCE_DIR "/configs/tracks", "demo-manipulation", "").value();
-    return {.team = "alpha", .artefact = std::string(64, artefact), .track = config.id,
-            .profile = config.profile, .config = config.hash,
-            .config_json = CanonicalJson(config.effective), .seeds = Sha256Hex("[1]"),
-            .seeds_json = "[1]", .seed_count = 1, .ranked = true, .grader_json = "{}",
-            .blocks = {{0, 0}}};
+    NewSubmission submission;
+    submission.team = "alpha";
+    submission.artefact = std::string(64, artefact);
+    submission.track = config.id;
+    submission.profile = config.profile;
+    submission.config = config.hash;
+    submission.config_json = CanonicalJson(config.effective);
+    submission.seeds = Sha256Hex("[1]");
+    submission.seeds_json = "[1]";
+    submission.seed_count = 1;
+    submission.ranked = true;
+    submission.grader_json = "{}";
+    submission.blocks = {{0, 0}};
+    return submission;
   }
   // Plays the only episode of a submission, whose evaluation has not ended yet.
   void PlayWithLog(char artefact, bool ranked, const std::string& log) {

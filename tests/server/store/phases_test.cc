@@ -47,20 +47,20 @@ class PhaseStoreTest : public StoreTest {
     const absl::Status status = store_->Write([&](Transaction& writer) -> absl::Status {
       auto added = writer.content.AddArtefact({hash, "walker", {"./policy"}, {}, 10, 2});
       if (!added.ok()) return added.status();
-      NewSubmission submission{.team = team,
-                               .artefact = hash,
-                               .track = "manipulation",
-                               .profile = "paper",
-                               .config = std::string(64, phase.empty() ? 'c' : phase.front()),
-                               .config_json = "{}",
-                               .seeds = std::string(64, 'd'),
-                               .seeds_json = "[1,2]",
-                               .seed_count = 2,
-                               .ranked = ranked,
-                               .grader_json = "{}",
-                               .blocks = {{0, 1}},
-                               .phase = phase,
-                               .closed = std::move(closed)};
+      NewSubmission submission;
+      submission.team = team;
+      submission.artefact = hash;
+      submission.track = "manipulation";
+      submission.profile = "paper";
+      submission.config = std::string(64, phase.empty() ? 'c' : phase.front());
+      submission.config_json = submission.grader_json = "{}";
+      submission.seeds = std::string(64, 'd');
+      submission.seeds_json = "[1,2]";
+      submission.seed_count = 2;
+      submission.ranked = ranked;
+      submission.blocks = {{0, 1}};
+      submission.phase = phase;
+      submission.closed = std::move(closed);
       accepted = writer.submissions.Accept(submission, rules, "uid 7");
       return accepted.status();
     });

@@ -48,18 +48,18 @@ class StoreTest : public ::testing::Test {
     const absl::Status status = store_->Write([&](Transaction& writer) -> absl::Status {
       auto added = writer.content.AddArtefact({hash, "walker", {"./policy"}, {"python"}, 10, 2});
       if (!added.ok()) return added.status();
-      NewSubmission submission{team,
-                               hash,
-                               "manipulation",
-                               "paper",
-                               std::string(64, 'c'),
-                               "{}",
-                               std::string(64, 'd'),
-                               "[1,2,3,4]",
-                               4,
-                               ranked,
-                               "{}",
-                               {{0, 1}, {2, 3}}};
+      NewSubmission submission;
+      submission.team = team;
+      submission.artefact = hash;
+      submission.track = "manipulation";
+      submission.profile = "paper";
+      submission.config = std::string(64, 'c');
+      submission.config_json = submission.grader_json = "{}";
+      submission.seeds = std::string(64, 'd');
+      submission.seeds_json = "[1,2,3,4]";
+      submission.seed_count = 4;
+      submission.ranked = ranked;
+      submission.blocks = {{0, 1}, {2, 3}};
       auto result = writer.submissions.Accept(submission, rules, "uid 0");
       if (result.ok()) accepted = *result;
       return result.status();
