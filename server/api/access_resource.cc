@@ -82,9 +82,9 @@ int64_t ReadExpiry(ConfigReader& reader, int64_t now_ms) {
   return absl::ToUnixMillis(time);
 }
 
-absl::StatusOr<NewToken> ParseToken(const Json& body, int64_t now_ms) {
+absl::StatusOr<TokenRow> ParseToken(const Json& body, int64_t now_ms) {
   ConfigReader reader(body, "request");
-  NewToken token;
+  TokenRow token;
   token.role = reader.Choice("role", {kParticipantRole, "organiser", "operator"});
   token.label = reader.String("label");
   if (!IsPlainText(token.label, kMaxLabelBytes)) {
@@ -152,12 +152,11 @@ ApiResult ShowToken(const ApiContext& context, int64_t id, int http, Json more) 
 }
 
 ApiResult CreateToken(const ApiContext& context, const Request&, const Json& body) {
-  ASSIGN_OR_RETURN(NewToken token, ParseToken(body, absl::ToUnixMillis(context.clock.Now())));
+  ASSIGN_OR_RETURN(const TokenRow token, ParseToken(body, absl::ToUnixMillis(context.clock.Now())));
   RETURN_IF_ERROR(MayManage(token.role));
   ASSIGN_OR_RETURN(const std::string text, NewTokenText());
-  token.hash = TokenHash(text);
-  const auto add = [token, who = CallerKey()](Transaction& writer) {
-    return writer.callers.AddToken(token, who);
+  const auto add = [hash = TokenHash(text), token, who = CallerKey()](Transaction& writer) {
+    return writer.callers.AddToken(hash, token, who);
   };
   ASSIGN_OR_RETURN(const int64_t id, ChangeStore(context, add));
   NoteAct(

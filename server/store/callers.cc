@@ -92,7 +92,8 @@ Listed<AccessEventRow> Callers::Events(const std::string& kind, int64_t before,
                       before, kind, limit);
 }
 
-absl::StatusOr<int64_t> Callers::AddToken(const NewToken& token, const std::string& who) {
+absl::StatusOr<int64_t> Callers::AddToken(const std::string& sha256, const TokenRow& token,
+                                          const std::string& who) {
   const bool participant = token.role == kParticipant;
   if (participant == token.team.empty()) {
     return absl::InvalidArgumentError("a participant's token has a team, and no other token has");
@@ -113,7 +114,7 @@ absl::StatusOr<int64_t> Callers::AddToken(const NewToken& token, const std::stri
   }
   Run(db_, R"(INSERT INTO token (hash, role, team_id, label, created_at, created_by, expires_at)
       VALUES (?, ?, nullif(?, 0), ?, ?, ?, nullif(?, 0)))",
-      token.hash, token.role, team, token.label, now_ms_, who, token.expires_at);
+      sha256, token.role, team, token.label, now_ms_, who, token.expires_at);
   return db_.getLastInsertRowid();
 }
 

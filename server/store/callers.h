@@ -16,15 +16,6 @@ namespace myograde::server {
 // Different kinds of denied requests that have rows of their own, for each UTC day.
 inline constexpr int64_t kMostDenialsOfADay = 1000;
 
-// A bearer token to add.
-struct NewToken {
-  std::string hash;  // SHA-256 of its text
-  std::string role;  // "participant", "organiser", "operator"
-  std::string team;  // of a participant; else ""
-  std::string label;
-  int64_t expires_at = 0;  // 0: never
-};
-
 // Who calls: bearer tokens, what was denied, and the acts of organisers and operators.
 class Callers : StorePart {
  public:
@@ -37,8 +28,10 @@ class Callers : StorePart {
   Listed<TokenRow> Tokens(int64_t before = INT64_MAX, int64_t limit = INT64_MAX) const;
   // Newest first. `kind` "" matches any; `before` is an id.
   Listed<AccessEventRow> Events(const std::string& kind, int64_t before, int64_t limit) const;
+  // As of now, by the SHA-256 of its text; of `token`, only role, team, label and expires_at are used.
   // InvalidArgumentError for a role that does not fit the team, or a time in the past.
-  absl::StatusOr<int64_t> AddToken(const NewToken& token, const std::string& who);
+  absl::StatusOr<int64_t> AddToken(const std::string& sha256, const TokenRow& token,
+                                   const std::string& who);
   absl::StatusOr<bool> RevokeToken(int64_t id, const std::string& who);
   // Notes that it was used now. Writes at most once a minute.
   absl::Status TouchToken(int64_t id);

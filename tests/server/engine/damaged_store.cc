@@ -92,10 +92,10 @@ TwoTeams MakeTwoTeams(const std::string& folder) {
     for (const char* name : {"former", "victim"}) {
       status.Update(writer.teams.Rename("victim", name, "uid 0", "").status());
     }
-    status.Update(writer.callers.AddToken({std::string(64, 'a'), "participant", "victim", "laptop"},
-                                  "uid 0").status());
-    status.Update(writer.callers.AddToken({std::string(64, 'b'), "participant", "other", "laptop"},
-                                  "uid 0").status());
+    status.Update(writer.callers.AddToken(std::string(64, 'a'),
+        {.role = "participant", .team = "victim", .label = "laptop"}, "uid 0").status());
+    status.Update(writer.callers.AddToken(std::string(64, 'b'),
+        {.role = "participant", .team = "other", .label = "laptop"}, "uid 0").status());
     return status;
   }));
   if (!world.broken.empty()) throw std::runtime_error(world.broken);

@@ -192,7 +192,8 @@ TEST_F(PeopleTest, AnExportHoldsAllOfItAndAnImportGivesItBack) {
   ASSERT_TRUE(Ban("gamma").ok());
   ASSERT_TRUE(Write([](Transaction& w) {
                 return w.callers
-                    .AddToken({std::string(64, 'a'), "participant", "gamma", "laptop"}, "uid 0")
+                    .AddToken(std::string(64, 'a'),
+                              {.role = "participant", .team = "gamma", .label = "laptop"}, "uid 0")
                     .status();
               }).ok());
   const auto text_of = [](const std::string& store) {

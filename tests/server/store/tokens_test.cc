@@ -14,10 +14,13 @@ using ::testing::HasSubstr;
 
 class TokensTest : public StoreTest {
  protected:
-  absl::StatusOr<int64_t> Add(const NewToken& token) {
+  absl::StatusOr<int64_t> Add(const std::string& hash, const std::string& role,
+                              const std::string& team, const std::string& label,
+                              int64_t expires_at = 0) {
     absl::StatusOr<int64_t> id = absl::InternalError("");
     const absl::Status status = store_->Write([&](Transaction& writer) {
-      id = writer.callers.AddToken(token, "uid 0");
+      id = writer.callers.AddToken(
+          hash, {.role = role, .team = team, .label = label, .expires_at = expires_at}, "uid 0");
       return id.status();
     });
     if (!status.ok()) return status;
@@ -41,8 +44,8 @@ class TokensTest : public StoreTest {
 TEST_F(TokensTest, ATokenIsFoundByItsHash) {
   MakeTeam("alpha");
   const int64_t later = now_ms() + 1000;
-  ASSERT_TRUE(Add({std::string(64, 'a'), "participant", "alpha", "laptop", later}).ok());
-  ASSERT_TRUE(Add({std::string(64, 'b'), "operator", "", "service", 0}).ok());
+  ASSERT_TRUE(Add(std::string(64, 'a'), "participant", "alpha", "laptop", later).ok());
+  ASSERT_TRUE(Add(std::string(64, 'b'), "operator", "", "service", 0).ok());
   const absl::StatusOr<TokenRow> token = Find('a');
   ASSERT_TRUE(token.ok()) << token.status();
   EXPECT_EQ(token->role, "participant");
@@ -68,19 +71,19 @@ TEST_F(TokensTest, ATokenIsFoundByItsHash) {
 TEST_F(TokensTest, WhatMakesNoTokenIsRefused) {
   MakeTeam("alpha");
   const std::string hash(64, 'a');
-  EXPECT_TRUE(absl::IsInvalidArgument(Add({hash, "participant", "", "x"}).status()));
-  EXPECT_TRUE(absl::IsInvalidArgument(Add({hash, "organiser", "alpha", "x"}).status()));
-  EXPECT_TRUE(absl::IsInvalidArgument(Add({hash, "operator", "", "x", now_ms()}).status()));
-  const absl::Status unknown = Add({hash, "participant", "beta", "x"}).status();
+  EXPECT_TRUE(absl::IsInvalidArgument(Add(hash, "participant", "", "x").status()));
+  EXPECT_TRUE(absl::IsInvalidArgument(Add(hash, "organiser", "alpha", "x").status()));
+  EXPECT_TRUE(absl::IsInvalidArgument(Add(hash, "operator", "", "x", now_ms()).status()));
+  const absl::Status unknown = Add(hash, "participant", "beta", "x").status();
   EXPECT_EQ(ErrorCodeOf(unknown), "unknown_team") << unknown;
-  EXPECT_TRUE(absl::IsFailedPrecondition(Add({hash, "emperor", "", "x"}).status()));
-  ASSERT_TRUE(Add({hash, "organiser", "", "x"}).ok());
-  EXPECT_TRUE(absl::IsFailedPrecondition(Add({hash, "organiser", "", "x"}).status())) << "twice";
+  EXPECT_TRUE(absl::IsFailedPrecondition(Add(hash, "emperor", "", "x").status()));
+  ASSERT_TRUE(Add(hash, "organiser", "", "x").ok());
+  EXPECT_TRUE(absl::IsFailedPrecondition(Add(hash, "organiser", "", "x").status())) << "twice";
   Read([&](const Transaction& reader) { EXPECT_EQ(reader.callers.Tokens().rows.size(), 1u); });
 }
 
 TEST_F(TokensTest, ATokenIsRevokedOnce) {
-  const absl::StatusOr<int64_t> id = Add({std::string(64, 'a'), "operator", "", "x"});
+  const absl::StatusOr<int64_t> id = Add(std::string(64, 'a'), "operator", "", "x");
   ASSERT_TRUE(id.ok());
   const auto revoke = [&](int64_t one, const std::string& who) {
     absl::StatusOr<bool> changed = false;
@@ -100,7 +103,7 @@ TEST_F(TokensTest, ATokenIsRevokedOnce) {
 }
 
 TEST_F(TokensTest, LastUseIsNotedToTheMinute) {
-  const absl::StatusOr<int64_t> id = Add({std::string(64, 'a'), "operator", "", "x"});
+  const absl::StatusOr<int64_t> id = Add(std::string(64, 'a'), "operator", "", "x");
   ASSERT_TRUE(id.ok());
   const auto touch = [&] {
     ASSERT_TRUE(
@@ -122,21 +125,21 @@ TEST_F(TokensTest, LastUseIsNotedToTheMinute) {
 TEST_F(TokensTest, ATokenFollowsItsTeam) {
   MakeTeam("alpha");
   MakeTeam("beta");
-  ASSERT_TRUE(Add({std::string(64, 'a'), "participant", "alpha", "x"}).ok());
+  ASSERT_TRUE(Add(std::string(64, 'a'), "participant", "alpha", "x").ok());
   ASSERT_TRUE(store_->Write([](Transaction& writer) {
     absl::Status status = writer.teams.Rename("alpha", "gamma", "uid 0", "").status();
     status.Update(writer.teams.Merge("alpha", "beta", "uid 0", ""));
     return status;
   }).ok());
   EXPECT_EQ(Find('a')->team, "beta");
-  ASSERT_TRUE(Add({std::string(64, 'b'), "participant", "alpha", "x"}).ok());
+  ASSERT_TRUE(Add(std::string(64, 'b'), "participant", "alpha", "x").ok());
   EXPECT_EQ(Find('b')->team, "beta");
 }
 
 TEST_F(TokensTest, ADamagedTokenIsNone) {
   MakeTeam("alpha");
-  ASSERT_TRUE(Add({std::string(64, 'a'), "participant", "alpha", "x"}).ok());
-  ASSERT_TRUE(Add({std::string(64, 'b'), "organiser", "", "y"}).ok());
+  ASSERT_TRUE(Add(std::string(64, 'a'), "participant", "alpha", "x").ok());
+  ASSERT_TRUE(Add(std::string(64, 'b'), "organiser", "", "y").ok());
   for (const char* change : {"role = 'operator'", "role = 'emperor'", "team_id = 99",
                              "revoked_at = 5", "expires_at = 999999999999999999"}) {
     SCOPED_TRACE(change);
