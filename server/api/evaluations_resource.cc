@@ -88,7 +88,7 @@ absl::StatusOr<Json> EvaluationToJson(const Transaction& reader, const ApiContex
                                       int64_t id, const EpisodeSelection& selection) {
   ASSIGN_OR_RETURN(EvaluationRow evaluation, reader.evaluations.Find(id));
   ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(evaluation.submission));
-  ASSIGN_OR_RETURN(const TrackPtr track, StoredTrack(reader, ConfigOf(evaluation, submission)));
+  ASSIGN_OR_RETURN(const TrackPtr track, StoredTrack(reader, evaluation.config));
   const TrackConfig& config = track->config;
   const scoring::TrackScoring& scoring = track->scoring;
   const Visibility visibility = FindConfigVisibility(reader, context, config);
@@ -116,8 +116,8 @@ absl::StatusOr<Json> EvaluationToJson(const Transaction& reader, const ApiContex
   json["official_figures"] = scoring.official_figures;
   json["metrics"] = ShownMetrics(scoring);
   json["hashes"] = {{"artefact", submission.artefact},
-                    {"config", ConfigOf(evaluation, submission)},
-                    {"seeds", SeedsOf(evaluation, submission)},
+                    {"config", evaluation.config},
+                    {"seeds", evaluation.seeds},
                     {"results", ResultsHash(rows, config.seed_salt)}};
   json["merkle_root"] = rows.empty() ? Json() : Json(ComputeMerkleRoot(rows, config.seed_salt));
   json["grader"] = Json::parse(evaluation.grader_json, nullptr, false);

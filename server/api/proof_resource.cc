@@ -84,7 +84,7 @@ absl::StatusOr<Json> BuildReceipt(const Transaction& reader, RecordLog& record,
         absl::StrCat("submission ", submission.id, " is ", std::string(EnumName(evaluation.state)),
                      "; it has a receipt once it is done or failed"));
   }
-  const std::string& hash = ConfigOf(evaluation, submission);
+  const std::string& hash = evaluation.config;
   ASSIGN_OR_RETURN(const std::string config, reader.content.ConfigJson(hash));
   ASSIGN_OR_RETURN(const TrackConfig track, StoredConfig(reader, hash));
   ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader.episodes.Of(evaluation.id));
@@ -106,7 +106,7 @@ absl::StatusOr<Json> BuildReceipt(const Transaction& reader, RecordLog& record,
                   {"artefact", ArtefactCommitment(submission.id, submission.artefact)},
                   {"config", hash},
                   {"track_config", Json::parse(config)},
-                  {"seeds", SeedsOf(evaluation, submission)},
+                  {"seeds", evaluation.seeds},
                   {"policy_seeds", PolicySeedsOf(track, rows)},
                   {"grader", Json::parse(evaluation.grader_json, nullptr, false)},
                   {"aggregate", AggregateToJson(scored, aggregate)},

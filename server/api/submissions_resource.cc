@@ -234,7 +234,7 @@ absl::StatusOr<Json> SubmissionStatus(const Transaction& reader, const ApiContex
                                    {"first", evaluation.first},
                                    {"last", evaluation.last},
                                    {"rejudge", IdOrNull(evaluation.rejudge)},
-                                   {"config", ConfigOf(evaluation, row)}});
+                                   {"config", evaluation.config}});
   }
   RedactStatus(json, visibility);
   return json;

@@ -96,8 +96,7 @@ absl::Status JudgeAnew(const Transaction& reader, const Track& track,
                                             "new config has seeds"));
   }
   ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, WholeEpisodes(reader, source, seeds));
-  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(source.submission));
-  ASSIGN_OR_RETURN(const TrackConfig before, StoredConfig(reader, ConfigOf(source, submission)));
+  ASSIGN_OR_RETURN(const TrackConfig before, StoredConfig(reader, source.config));
   RETURN_IF_ERROR(CheckResults(reader, source, rows, before.seed_salt));
   for (EpisodeRow& row : rows) {
     const absl::StatusOr<EpisodeFacts> facts = EpisodeFactsFromJson(ParsedText(row.facts_json));

@@ -98,10 +98,8 @@ absl::StatusOr<StoredEvaluation> LoadEvaluation(const Transaction& reader, int64
   const std::string key = absl::StrCat(id);
   ASSIGN_OR_RETURN(stored.submission, FindSubmission(reader, stored.evaluation));
   ASSIGN_OR_RETURN(stored.artefact, reader.content.Artefact(stored.submission.artefact));
-  ASSIGN_OR_RETURN(stored.track,
-                   content.Track(reader, ConfigOf(stored.evaluation, stored.submission)));
-  ASSIGN_OR_RETURN(stored.seeds,
-                   content.Seeds(reader, SeedsOf(stored.evaluation, stored.submission)));
+  ASSIGN_OR_RETURN(stored.track, content.Track(reader, stored.evaluation.config));
+  ASSIGN_OR_RETURN(stored.seeds, content.Seeds(reader, stored.evaluation.seeds));
   if (stored.evaluation.last >= static_cast<int64_t>(stored.seeds->size())) {
     return DamagedRow({"evaluation", key, absl::StrCat("it ends with episode ",
                                                        stored.evaluation.last, ", and there are ",
@@ -196,8 +194,8 @@ absl::Status CheckReadable(const Transaction& reader) {
 
 absl::StatusOr<Standing> ReadStanding(const Transaction& reader, int64_t evaluation) {
   ASSIGN_OR_RETURN(EvaluationRow row, reader.evaluations.Find(evaluation));
-  ASSIGN_OR_RETURN(const SubmissionRow submission, FindSubmission(reader, row));
-  ASSIGN_OR_RETURN(TrackConfig config, StoredConfig(reader, ConfigOf(row, submission)));
+  RETURN_IF_ERROR(FindSubmission(reader, row).status());
+  ASSIGN_OR_RETURN(TrackConfig config, StoredConfig(reader, row.config));
   ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, reader.episodes.Of(evaluation));
   if (std::ssize(rows) != row.last - row.first + 1) {
     return DamagedRow({"evaluation", absl::StrCat(evaluation),

@@ -165,8 +165,7 @@ absl::StatusOr<std::string> LogPath(const std::string& data_dir, const std::stri
 // The config that an evaluation was played under.
 absl::StatusOr<TrackConfig> ConfigOfEvaluation(const Transaction& reader, int64_t id) {
   ASSIGN_OR_RETURN(const EvaluationRow evaluation, reader.evaluations.Find(id));
-  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(evaluation.submission));
-  return StoredConfig(reader, ConfigOf(evaluation, submission));
+  return StoredConfig(reader, evaluation.config);
 }
 
 // The episode of a log, with what it can't be played without.

@@ -35,9 +35,9 @@ constexpr StoredRows<EvaluationRow, 17> kEvaluations = {
     .select =
         "SELECT e.id, e.submission, e.kind, e.first, e.last, e.state, e.reason, e.grader_json, "
         "ifnull(e.results_hash, ''), ifnull(e.started_at, 0), ifnull(e.finished_at, 0), "
-        "ifnull(e.config, ''), ifnull(e.seeds, ''), ifnull(e.rejudge, 0), "
+        "coalesce(e.config, s.config, ''), coalesce(e.seeds, s.seeds, ''), ifnull(e.rejudge, 0), "
         "ifnull(e.repetition, 0), ifnull(e.source, 0), ifnull(e.method, 'play') "
-        "FROM evaluation AS e ",
+        "FROM evaluation AS e LEFT JOIN submission AS s ON s.id = e.submission ",
     .wrong = [](const EvaluationRow& evaluation) {
       if (evaluation.last < evaluation.first) return "its last episode comes before its first";
       return IsFinal(evaluation.state) == (evaluation.finished_at > 0)

@@ -77,7 +77,7 @@ struct EvaluationRow {
   std::string results_hash;
   int64_t started_at = 0;
   int64_t finished_at = 0;
-  // Hashes of what a rejudge is played under; "" is the submission's.
+  // Hashes of what it is played under: the submission's, unless it is a rejudge.
   std::string config = {};
   std::string seeds = {};
   // Of a rejudge; 0: of none.
@@ -86,16 +86,6 @@ struct EvaluationRow {
   int64_t source = 0;      // the evaluation that it is the new result of
   RejudgeMethod method = RejudgeMethod::kPlay;  // kFacts or kPlay
 };
-
-// Hashes of the config and the seeds of an evaluation of `submission`.
-inline const std::string& ConfigOf(const EvaluationRow& evaluation,
-                                   const SubmissionRow& submission) {
-  return evaluation.config.empty() ? submission.config : evaluation.config;
-}
-inline const std::string& SeedsOf(const EvaluationRow& evaluation,
-                                  const SubmissionRow& submission) {
-  return evaluation.seeds.empty() ? submission.seeds : evaluation.seeds;
-}
 
 struct BlockRow {
   int64_t id = 0;
@@ -258,10 +248,10 @@ struct TokenRow {
   std::string team;  // of a participant: today's name; else ""
   std::string label;
   int64_t created_at = 0;
-  std::string created_by;
+  std::string created_by = {};
   int64_t expires_at = 0;  // 0: never
   int64_t revoked_at = 0;  // 0: it is not revoked
-  std::string revoked_by;
+  std::string revoked_by = {};
   int64_t last_used_at = 0;  // to the minute; 0: it was never used
 };
 
