@@ -57,7 +57,9 @@ absl::StatusOr<RecordFolder> RecordFolder::Open(const std::string& path) {
     if (top && fs::is_directory(status) && IsFolder(name)) continue;
     const std::string file = entries->path().lexically_relative(path).string();
     if (!fs::is_regular_file(status)) return Stray(file, "is not a regular file");
-    if (top ? !IsTopFile(name) : !IsSimpleName(name, kLongestFileName)) {
+    // Phases may begin with a hyphen, and so may the file of a secret.
+    const bool plain = !name.starts_with('.') && IsSimpleName(name, kLongestFileName, /*any_first=*/true);
+    if (top ? !IsTopFile(name) : !plain) {
       return Stray(file, "does not belong in a record");
     }
     if (folder.files_.size() == kMostFiles) {

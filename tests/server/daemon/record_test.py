@@ -264,6 +264,9 @@ class Records(RecordCase):
             make(copy)
             self.refuted(copy, "folder", words)
         copy = self.altered(whole)
+        (copy / "secrets/-final.txt").write_text("x")  # a name that a phase may have
+        self.refuted(copy, "secrets", "secrets/-final.txt")
+        copy = self.altered(whole)
         with open(copy / "head.json", "ab") as file:
             file.truncate(1 << 40)  # a hole
         self.refuted(copy, "head", "too large for such a file")
