@@ -83,7 +83,7 @@ absl::Status ForEachLine(
   int64_t number = 1;
   const auto broken = [&](const char* what) {
     return absl::InvalidArgumentError(absl::StrCat(name, ": line ", number, ": ", what,
-                                                   "; the file was changed or cut off"));
+                                                   "; the file was changed or cut off: export it again"));
   };
   while (true) {
     const ssize_t n = ::read(fd, piece, sizeof(piece));

@@ -14,6 +14,7 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr int64_t kMaxEntries = int64_t{1} << 40;
+constexpr size_t kMaxHeadBytes = 4096;
 
 Json HeadToJson(const RecordHead& head) {
   return {{"size", head.size}, {"root", ToHex(head.root)}, {"chain", head.chain}};
@@ -47,6 +48,9 @@ absl::StatusOr<std::string> SignHead(const RecordHead& head, const SigningKey& k
 }
 
 absl::StatusOr<RecordHead> ParseHead(std::string_view text) {
+  if (text.size() > kMaxHeadBytes) {
+    return absl::DataLossError("this is not a head of a record: it is too long");
+  }
   const absl::StatusOr<Json> json = ParseJson(text, "head");
   if (!json.ok()) return absl::DataLossError(json.status().message());
   absl::StatusOr<RecordHead> head = HeadOfJson(At(*json, "head"));

@@ -134,6 +134,7 @@ absl::StatusOr<RejudgeProgress> Rejudges::CountProgress(const RejudgeRow& rejudg
 
 std::vector<NewEvaluation> Rejudges::MissingItems(const RejudgeRow& rejudge,
                                                   const std::set<int64_t>& listed) const {
+  if (rejudge.purpose == RejudgePurpose::kSeeds && listed.empty()) return {};
   // Where the config stays, what was accepted after it was applied has its result under it.
   int64_t latest = INT64_MAX;
   for (const RejudgeEventRow& event : rejudge.events) {

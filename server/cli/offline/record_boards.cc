@@ -150,11 +150,10 @@ absl::StatusOr<std::string> BoardText(const BoardState& record,
     return absl::InvalidArgumentError("its config has no board of this name");
   }
   const Marks marks = record.MarksAt();
-  ASSIGN_OR_RETURN(std::vector<StandingRow> standings,
+  ASSIGN_OR_RETURN(const std::vector<StandingRow> standings,
                    ListStandings(record, marks, results, hash));
   ASSIGN_OR_RETURN(const Leaderboard made,
-                   MakeLeaderboard(std::move(standings), marks, spec->second.rules,
-                                   config.scoring.team));
+                   MakeLeaderboard(standings, marks, spec->second.rules, config.scoring.team));
   const Json rules = config.config["scoring"].value("boards", Json::object());
   Json rows = Json::array();
   for (const LeaderboardRow& row : made.rows) rows.push_back(BoardRowJson(row));

@@ -67,12 +67,12 @@ TEST_F(FileTest, LinesAreReadOneByOneWhereverTheirPiecesEnd) {
     lines.clear();
     EXPECT_EQ(lines_of("b\n" + line + "\n", size - 1, lines).message(),
               absl::StrCat(path_, size == 1 ? ": line 1" : ": line 2",
-                           ": is too long; the file was changed or cut off"));
+                           ": is too long; the file was changed or cut off: export it again"));
     lines.clear();
     const absl::Status cut = lines_of(text, size + 1, lines);
     EXPECT_EQ(cut.code(), absl::StatusCode::kInvalidArgument);
     EXPECT_EQ(cut.message(),
-              absl::StrCat(path_, ": line 4: ends in the middle; the file was changed or cut off"));
+              absl::StrCat(path_, ": line 4: ends in the middle; the file was changed or cut off: export it again"));
     EXPECT_EQ(lines.size(), 3u) << size;
   }
   std::vector<std::string> lines;
