@@ -1,4 +1,6 @@
 // New connections while all places are busy.
+#include <set>
+
 #include "tests/server/http/http_server_world.h"
 
 namespace myograde::server {
@@ -16,14 +18,21 @@ TEST_F(HttpServerTest, WhoFindsAllPlacesBusyIsLetInAfterAnAnswer) {
   AwaitAllSeen();
   EXPECT_EQ(waiting.Receive(1, absl::Milliseconds(500)), "") << "neither answered nor refused";
   permits_.release(2);
-  // Two get their current answers and then give way, whatever else they have requested.
-  EXPECT_EQ(busy[0]->Receive(1000), kOk);
-  EXPECT_EQ(busy[1]->Receive(1000), kOk);
+  // Any two get their current answers and then give way, whatever else they have requested.
+  std::set<size_t> gave_way;
+  for (size_t i = 0; i < 1000 && gave_way.size() < 2; ++i) {
+    const size_t one = i % busy.size();
+    if (busy[one]->Receive(1000, absl::Milliseconds(20)) == kOk) gave_way.insert(one);
+  }
+  EXPECT_EQ(gave_way.size(), 2u);
   permits_.release(100);
   EXPECT_EQ(waiting.Receive(sizeof(kOk) - 1), kOk);
   EXPECT_EQ(next.Receive(sizeof(kOk) - 1), kOk);
   // With nobody waiting, the others get everything that they requested.
-  EXPECT_EQ(busy[9]->Receive(3 * (sizeof(kOk) - 1)), absl::StrCat(kOk, kOk, kOk));
+  for (size_t i = 0; i < busy.size(); ++i) {
+    const std::string rest = gave_way.contains(i) ? "" : absl::StrCat(kOk, kOk, kOk);
+    EXPECT_EQ(busy[i]->Receive(3 * (sizeof(kOk) - 1)), rest);
+  }
 }
 
 TEST_F(HttpServerTest, WhoWaitsInLineIsToldInTheEnd) {
