@@ -69,6 +69,29 @@ TEST_F(ReceiveTest, FilesThatWereRemovedComeBack) {
   EXPECT_TRUE(fs::exists(folder + "/policy"));
 }
 
+TEST_F(ReceiveTest, AnUploadForANewTeamFoundsIt) {
+  const auto upload = [&](const std::string& person, const std::string& team) {
+    MemoryArchive archive(GoodTar());
+    return admission()
+        .Receive({.from = {person, team, /*organiser=*/false},
+                  .track = kTrack,
+                  .founding = Founding{.person = person, .most = 1}},
+                 archive)
+        .status();
+  };
+  EXPECT_TRUE(upload("uid 7", "alpha").ok());
+  EXPECT_EQ(Count("member"), 1);
+  EXPECT_TRUE(upload("uid 7", "alpha").ok()) << "a member's team stays";
+  const absl::Status stranger = upload("uid 8", "alpha");
+  EXPECT_EQ(ErrorCodeOf(stranger), "forbidden") << stranger;
+  EXPECT_THAT(stranger.message(), HasSubstr("belongs to others"));
+  const absl::Status second = upload("uid 7", "beta");
+  EXPECT_EQ(ErrorCodeOf(second), "forbidden") << second;
+  EXPECT_THAT(second.message(), HasSubstr("one person may belong to 1 team"));
+  EXPECT_EQ(Count("member"), 1);
+  EXPECT_EQ(Count("team"), 1);
+}
+
 TEST_F(ReceiveTest, ARefusedArchiveIsAFailedTryOfItsTeam) {
   const std::pair<std::string, const char*> bad[] = {
       {"", "the archive is empty"},
