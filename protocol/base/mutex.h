@@ -1,5 +1,5 @@
 // std::mutex and std::condition_variable with annotations, so that clang checks at compile time
-// that guarded data is only accessed under its mutex (-Wthread-safety; `./dev test --full`).
+// that guarded data is only accessed under its mutex (-Wthread-safety).
 // Annotate members with ABSL_GUARDED_BY, functions with ABSL_EXCLUSIVE_LOCKS_REQUIRED.
 #pragma once
 

@@ -18,18 +18,17 @@ absl::Status OutOfRange(const char* name, int64_t value, int64_t least, int64_t 
 
 }  // namespace
 
-bool RecordLog::Add(const RecordRow* row, std::optional<Damage> damage) {
-  if (damage.has_value() && damaged_.size() < kMostDamage) damaged_.push_back(*std::move(damage));
-  tree_.Append(row == nullptr ? "" : row->entry_json);
-  chain_ = row == nullptr ? "" : row->chain;
-  return true;
-}
-
 void RecordLog::Follow(const Transaction& reader) {
-  reader.journal.ForEachEntry(tree_.size(), chain_,
-                              [&](const RecordRow* row, std::optional<Damage> damage) {
-                                return Add(row, std::move(damage));
-                              });
+  reader.journal.ForEachEntry(
+      tree_.size(), chain_,
+      [&](const RecordRow* row, std::optional<Damage> damage) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+        if (damage.has_value() && damaged_.size() < kMostDamage) {
+          damaged_.push_back(*std::move(damage));
+        }
+        tree_.Append(row == nullptr ? "" : row->entry_json);
+        chain_ = row == nullptr ? "" : row->chain;
+        return true;
+      });
 }
 
 std::vector<Damage> RecordLog::Damaged(const Transaction& reader) {

@@ -35,8 +35,6 @@ class RecordLog {
 
  private:
   void Follow(const Transaction& reader) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  bool Add(const RecordRow* row, std::optional<Damage> damage)
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   Mutex mutex_;
   MerkleTree tree_ ABSL_GUARDED_BY(mutex_);

@@ -253,6 +253,7 @@ class EngineCore {
   // sandboxes, simulator and bridge as any lease. The expected result is known: one record of a
   // crash with the policy's exit status, and a lease that ended well.
   struct SelfTest : PlacedRunner {
+    SelfTest() {}  // or Clang takes it for incomplete in std::optional
     absl::Duration deadline;
     LeaseReport report;
     std::optional<EpisodeFacts> facts;

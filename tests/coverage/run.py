@@ -23,10 +23,19 @@ sys.path.insert(0, str(HERE.parent))
 
 from support.build_commands import BuildCommands, instead  # noqa: E402
 
-# Checks of UndefinedBehaviorSanitizer are branches, and no decisions of the code.
-COUNTED = ["-O0", "-fno-sanitize=undefined", "--coverage", "-fprofile-update=atomic", "-w"]
-# A line of brackets alone has the branches of what is destroyed there.
+COUNTED = ["-O0", "--coverage", "-fprofile-update=atomic", "-w"]
+# What a compiler of the build is told, and GCC isn't: gcov reads the counters of GCC's objects.
+NOT_FOR_GCC = ("-fsanitize", "-fno-sanitize", "-Xclang", "-W")
+# A line of brackets alone has only what is destroyed there, also after an exception.
 BRACKETS = re.compile(r"[{}()\[\];,\s]*")
+
+
+def by_gcc(words):
+    """A compilation of the build as GCC does it: without sanitizers, whose checks are branches and no decisions of the
+    code, and without clang's precompiled header."""
+    words = ["g++" if pathlib.Path(word).name.startswith("clang++") else word for word in words]
+    return [word for word, before in zip(words, ["", *words])
+            if before != "-Xclang" and not word.startswith(NOT_FOR_GCC)]
 
 
 class Area:
@@ -61,7 +70,7 @@ class Area:
             words = instead(words, "-o", made)
             for option in {"-MF", "-MT"} & set(words):
                 words = instead(words, option, made.with_suffix(".d"))
-            calls.append(lambda words=[*words, *COUNTED], unit=unit: self.must(words, f"the compilation of {unit}"))
+            calls.append(lambda words=[*by_gcc(words), *COUNTED], unit=unit: self.must(words, f"the compilation of {unit}"))
         return calls
 
     def run_tests(self):
@@ -71,7 +80,8 @@ class Area:
             # objects are then not asked for.
             first = next(at for at, word in enumerate(words) if word.endswith(".o"))
             objects = [self.objects[unit] for unit in self.linked[test]]
-            self.must([*words[:first], "--coverage", *objects, *words[first:]], f"the linking of {test}")
+            counters = self.must(["g++", "-print-file-name=libgcov.a"], "g++").strip()
+            self.must([*words[:first], *objects, *words[first:], counters], f"the linking of {test}")
             self.must([self.folder / test, "--gtest_brief=1"], test,
                       env={**os.environ, "RC_PARAMS": "max_success=100"})
             (self.folder / test).unlink()
@@ -97,9 +107,9 @@ def add(path, entries, lines, branches):
     source = path.read_text(encoding="utf-8").split("\n")
     for entry in entries:
         number = entry["line_number"]
-        lines[path, number] += entry["count"]
         if BRACKETS.fullmatch(source[number - 1]):
             continue
+        lines[path, number] += entry["count"]
         decisions = [branch for branch in entry["branches"] if not branch["throw"]]
         for place, branch in enumerate(decisions):
             branches[path, number, place] += branch["count"]

@@ -27,13 +27,13 @@ constexpr Metric kMetrics[] = {
      .of = "pain_sum"},
 };
 enum Place : size_t {
-  kTime,
-  kEffort,
-  kPain,
-  kEffortSum,
-  kPainSum,
-  kEffortOverSteps,
-  kPainOverSteps
+  kAtTime,
+  kAtEffort,
+  kAtPain,
+  kAtEffortSum,
+  kAtPainSum,
+  kAtEffortOverSteps,
+  kAtPainOverSteps
 };
 
 absl::StatusOr<Aggregate> AggregateOf(std::vector<JudgedEpisode> episodes) {
@@ -45,8 +45,8 @@ JudgedEpisode Episode(int64_t index, Outcome outcome, double time,
   JudgedEpisode episode{.index = index, .verdict = {}};
   episode.verdict.outcome = outcome;
   episode.verdict.metrics.resize(std::size(kMetrics));
-  episode.verdict.metrics[kTime] = time;
-  episode.verdict.metrics[kEffort] = effort;
+  episode.verdict.metrics[kAtTime] = time;
+  episode.verdict.metrics[kAtEffort] = effort;
   return episode;
 }
 
@@ -57,11 +57,11 @@ TEST(Aggregate, MeansLeaveOutWhatHasNoResultAndNoSteps) {
   ASSERT_TRUE(got.ok());
   EXPECT_EQ(got->episodes, 2);
   EXPECT_EQ(got->successes, 1);
-  EXPECT_EQ(got->means[kTime].value, 7);
-  EXPECT_EQ(got->means[kEffort].value, 0.2);
-  EXPECT_EQ(got->means[kEffort].count, 1);
+  EXPECT_EQ(got->means[kAtTime].value, 7);
+  EXPECT_EQ(got->means[kAtEffort].value, 0.2);
+  EXPECT_EQ(got->means[kAtEffort].count, 1);
   EXPECT_FALSE(got->failed);
-  EXPECT_NEAR(got->means[kTime].spread.deviation, 4.242640687119285, 1e-12);
+  EXPECT_NEAR(got->means[kAtTime].spread.deviation, 4.242640687119285, 1e-12);
 }
 
 // A walk of 60,000 steps and four falls: means of episodes' means would make the pain of the
@@ -73,24 +73,24 @@ TEST(Aggregate, MeansOverStepsDoNotRewardFallingAtOnce) {
     const int64_t steps = i == 0 ? 60000 : 10;
     episode.verdict.steps = steps;
     auto& metrics = episode.verdict.metrics;
-    metrics[kPainSum] = i == 0 ? 6000 : 0;
-    metrics[kEffortSum] = i == 0 ? 12000 : 0;
-    metrics[kPain] = *metrics[kPainSum] / static_cast<double>(steps);
+    metrics[kAtPainSum] = i == 0 ? 6000 : 0;
+    metrics[kAtEffortSum] = i == 0 ? 12000 : 0;
+    metrics[kAtPain] = *metrics[kAtPainSum] / static_cast<double>(steps);
     episodes.push_back(episode);
   }
   const auto got = AggregateOf(episodes);
   ASSERT_TRUE(got.ok());
-  EXPECT_DOUBLE_EQ(got->means[kPain].value, 0.02);
-  EXPECT_DOUBLE_EQ(got->means[kPainOverSteps].value, 6000.0 / 60040);
-  EXPECT_DOUBLE_EQ(got->means[kEffortOverSteps].value, 12000.0 / 60040);
+  EXPECT_DOUBLE_EQ(got->means[kAtPain].value, 0.02);
+  EXPECT_DOUBLE_EQ(got->means[kAtPainOverSteps].value, 6000.0 / 60040);
+  EXPECT_DOUBLE_EQ(got->means[kAtEffortOverSteps].value, 12000.0 / 60040);
 }
 
 TEST(Aggregate, WithoutAStepThereIsNoMeanOverSteps) {
   const auto got = AggregateOf({Episode(0, Outcome::kCrash, 10)});
   ASSERT_TRUE(got.ok());
-  EXPECT_EQ(got->means[kEffortOverSteps].count, 0);
-  EXPECT_EQ(got->means[kPainOverSteps].count, 0);
-  EXPECT_EQ(got->means[kEffort].count, 0);
+  EXPECT_EQ(got->means[kAtEffortOverSteps].count, 0);
+  EXPECT_EQ(got->means[kAtPainOverSteps].count, 0);
+  EXPECT_EQ(got->means[kAtEffort].count, 0);
 }
 
 TEST(Aggregate, FailsWhenEveryEpisodeIsTheParticipantsFault) {
@@ -107,22 +107,22 @@ TEST(Aggregate, RefusesAnEpisodeThatIsThereTwice) {
 TEST(Aggregate, TellsHowFarEpisodesLieApart) {
   const auto got =
       AggregateOf({Episode(0, Outcome::kFailure, 4), Episode(1, Outcome::kFailure, 10)});
-  EXPECT_NEAR(got->means[kTime].spread.low, 1.1201081, 1e-6);
-  EXPECT_NEAR(got->means[kTime].spread.high, 12.8798919, 1e-6);
+  EXPECT_NEAR(got->means[kAtTime].spread.low, 1.1201081, 1e-6);
+  EXPECT_NEAR(got->means[kAtTime].spread.high, 12.8798919, 1e-6);
   const auto one = AggregateOf({Episode(0, Outcome::kFailure, 4)});
-  EXPECT_EQ(one->means[kTime].count, 1);
-  EXPECT_EQ(one->means[kTime].spread.deviation, 0);
-  EXPECT_EQ(one->means[kTime].spread.low, 4);
-  EXPECT_EQ(one->means[kTime].spread.high, 4);
+  EXPECT_EQ(one->means[kAtTime].count, 1);
+  EXPECT_EQ(one->means[kAtTime].spread.deviation, 0);
+  EXPECT_EQ(one->means[kAtTime].spread.low, 4);
+  EXPECT_EQ(one->means[kAtTime].spread.high, 4);
 }
 
 TEST(Aggregate, AnEpisodeMayLackTheLastMetrics) {
   JudgedEpisode cut = Episode(0, Outcome::kFailure, 4);
-  cut.verdict.metrics.resize(kEffort);
+  cut.verdict.metrics.resize(kAtEffort);
   const auto got = AggregateOf({cut, Episode(1, Outcome::kFailure, 6, 0.5)});
-  EXPECT_EQ(got->means[kTime].value, 5);
-  EXPECT_EQ(got->means[kEffort].value, 0.5);
-  EXPECT_EQ(got->means[kEffort].count, 1);
+  EXPECT_EQ(got->means[kAtTime].value, 5);
+  EXPECT_EQ(got->means[kAtEffort].value, 0.5);
+  EXPECT_EQ(got->means[kAtEffort].count, 1);
 }
 
 // Wilson's intervals from their formula, worked out apart from this code.
@@ -169,14 +169,14 @@ TEST(Aggregate, IntervalsEndAtZeroAndOneExactly) {
 TEST(Aggregate, AnEpisodeWithoutASumAddsItsStepsAlone) {
   JudgedEpisode with = Episode(0, Outcome::kFailure, 1);
   with.verdict.steps = 1;
-  with.verdict.metrics[kPainSum] = 6;
+  with.verdict.metrics[kAtPainSum] = 6;
   JudgedEpisode without = Episode(1, Outcome::kCrash, 1);
   without.verdict.steps = 2;
   const auto got = AggregateOf({with, without});
-  EXPECT_EQ(got->means[kPainOverSteps].value, 2);
-  EXPECT_EQ(got->means[kPainOverSteps].count, 1);
+  EXPECT_EQ(got->means[kAtPainOverSteps].value, 2);
+  EXPECT_EQ(got->means[kAtPainOverSteps].count, 1);
   EXPECT_EQ(got->participant_faults, 1);
-  EXPECT_EQ(AggregateOf({with})->means[kPainOverSteps].value, 6) << "of one step";
+  EXPECT_EQ(AggregateOf({with})->means[kAtPainOverSteps].value, 6) << "of one step";
 }
 
 RC_GTEST_PROP(Aggregate, GivesTheSameBitsInAnyOrder, (const std::vector<int>& values)) {
@@ -188,9 +188,9 @@ RC_GTEST_PROP(Aggregate, GivesTheSameBitsInAnyOrder, (const std::vector<int>& va
   const auto forward = AggregateOf(episodes);
   std::reverse(episodes.begin(), episodes.end());
   const auto backward = AggregateOf(episodes);
-  RC_ASSERT(forward->means[kTime].value == backward->means[kTime].value);
-  RC_ASSERT(forward->means[kEffort].value == backward->means[kEffort].value);
-  RC_ASSERT(forward->means[kTime].spread.deviation == backward->means[kTime].spread.deviation);
+  RC_ASSERT(forward->means[kAtTime].value == backward->means[kAtTime].value);
+  RC_ASSERT(forward->means[kAtEffort].value == backward->means[kAtEffort].value);
+  RC_ASSERT(forward->means[kAtTime].spread.deviation == backward->means[kAtTime].spread.deviation);
 }
 
 // Rankings hang on the last bit, so the order of the sums is part of the result.
@@ -204,7 +204,7 @@ RC_GTEST_PROP(Aggregate, AddsUpFromTheFirstEpisodeToTheLast, (const std::vector<
     sum += value / 7.0;
   }
   const auto got = AggregateOf(episodes);
-  RC_ASSERT(got->means[kTime].value == sum / static_cast<double>(values.size()));
+  RC_ASSERT(got->means[kAtTime].value == sum / static_cast<double>(values.size()));
 }
 
 }  // namespace

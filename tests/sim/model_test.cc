@@ -242,7 +242,7 @@ TEST(Layout, BoundsOfJointPositionsAreTheModelsRanges) {
     ASSERT_TRUE(model.ok()) << model.status();
     const auto layout = ObservationOf(kind).parts();
     const auto part = std::find_if(layout.begin(), layout.end(),
-                                   [&](const Part& p) { return p.name == part_name; });
+                                   [&name = part_name](const Part& p) { return p.name == name; });
     ASSERT_NE(part, layout.end()) << part_name;
     for (int i = part->offset; i < part->offset + part->size; ++i) {
       const std::string name = ModelName(ObservationOf(kind).names()[i], prefix);

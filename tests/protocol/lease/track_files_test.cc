@@ -183,7 +183,7 @@ TEST(TrackSchema, HasTheParsersRangesOfBudgets) {
   EXPECT_EQ(bounded.size(), good.effective["budgets"].size());
   for (const auto& [pointer, range] : bounded) {
     const bool whole = range["type"] == "integer";
-    const auto accepts = [&](const json& edge, int beyond) {
+    const auto accepts = [&, &pointer = pointer](const json& edge, int beyond) {
       json effective = good.effective;
       json& value = effective[json::json_pointer(pointer)];
       if (whole) {
