@@ -3,12 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/api/views.h"
+
 namespace myograde::server {
 namespace {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
-using Json = nlohmann::json;
 
 Json RowOf(const Json& rank, const std::string& team, int64_t evaluation) {
   return {{"rank", rank},

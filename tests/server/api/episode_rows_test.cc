@@ -7,11 +7,11 @@
 
 #include "server/api/board_feeds.h"
 #include "server/api/redaction.h"
+#include "server/api/views.h"
 
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 

@@ -4,10 +4,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/api/views.h"
+
 namespace myograde::server {
 namespace {
 
-using Json = nlohmann::json;
 using testing::Not;
 
 Json Counts() {
