@@ -13,7 +13,7 @@ import subprocess
 import sys
 
 CLANG_TIDY = "clang-tidy-14"  # docker/packages-full.txt
-KEPT = ("-I", "-D", "-std=", "-isystem")  # the rest of a command is GCC's
+KEPT = ("-I", "-D", "-std=", "-isystem")  # the rest of a command is its compiler's
 
 
 def arguments_of(command):

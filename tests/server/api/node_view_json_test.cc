@@ -7,7 +7,6 @@
 namespace myograde::server {
 namespace {
 
-
 NodeView Node(const std::string& name, const std::string& state, const std::string& why = "") {
   NodeView node;
   node.name = name;
