@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -114,9 +115,12 @@ bool ShowsExtraObservations(bool asked, bool adapted, const TrackConfig& config)
 // "scoring") are merged over it. Errors as ParseTrackConfig.
 absl::StatusOr<TrackConfig> WithPhase(const TrackConfig& config, const nlohmann::json& keys);
 
-// The rules profiles that `track` has, sorted; errors as LoadTrackConfig.
-absl::StatusOr<std::vector<std::string>> ListProfiles(const std::string& tracks_dir,
-                                                      const std::string& track);
+// All rules profiles of `track`; errors as LoadTrackConfig.
+struct TrackProfiles {
+  std::string default_profile;
+  std::map<std::string, TrackConfig> configs;
+};
+absl::StatusOr<TrackProfiles> LoadProfiles(const std::string& tracks_dir, const std::string& track);
 
 // Names of configs and profiles: 1 to 64 of a-z, 0-9 and "-", so that they are safe in paths.
 bool IsTrackName(std::string_view name);

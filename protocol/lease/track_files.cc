@@ -214,12 +214,19 @@ absl::StatusOr<TrackConfig> ResolveTrackConfig(const std::string& tracks_dir,
   return ConfigOfProfile(std::move(merged), track, profile, where);
 }
 
-absl::StatusOr<std::vector<std::string>> ListProfiles(const std::string& tracks_dir,
-                                                      const std::string& track) {
-  ASSIGN_OR_RETURN(nlohmann::json merged, ReadExtended(tracks_dir, track));
-  ASSIGN_OR_RETURN(nlohmann::json profiles,
-                   ReadProfiles(merged, absl::StrCat(tracks_dir, "/", track, ".json")));
-  return KeysOf(profiles);
+absl::StatusOr<TrackProfiles> LoadProfiles(const std::string& tracks_dir, const std::string& track) {
+  const std::string where = absl::StrCat(tracks_dir, "/", track, ".json");
+  ASSIGN_OR_RETURN(const nlohmann::json merged, ReadExtended(tracks_dir, track));
+  ASSIGN_OR_RETURN(TrackConfig by_default, ConfigOfProfile(merged, track, "", where));
+  ASSIGN_OR_RETURN(const nlohmann::json profiles, ReadProfiles(merged, where));
+  TrackProfiles loaded;
+  loaded.default_profile = by_default.profile;
+  loaded.configs[loaded.default_profile] = std::move(by_default);
+  for (const std::string& profile : KeysOf(profiles)) {
+    if (profile == loaded.default_profile) continue;
+    ASSIGN_OR_RETURN(loaded.configs[profile], ConfigOfProfile(merged, track, profile, where));
+  }
+  return loaded;
 }
 
 absl::StatusOr<std::vector<std::string>> ListTracks(const std::string& tracks_dir) {

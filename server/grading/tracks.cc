@@ -66,14 +66,11 @@ absl::StatusOr<Tracks> Tracks::Load(const std::string& dir) {
   }
   std::map<std::string, Entry> named;
   for (const std::string& name : names) {
-    ASSIGN_OR_RETURN(TrackConfig default_config, LoadTrackConfig(dir, name, ""));
+    ASSIGN_OR_RETURN(TrackProfiles profiles, LoadProfiles(dir, name));
     Entry& offer = named[name];
-    offer.default_profile = default_config.profile;
-    ASSIGN_OR_RETURN(std::vector<std::string> profiles, ListProfiles(dir, name));
-    for (const std::string& profile : profiles) {
-      ASSIGN_OR_RETURN(TrackConfig config, LoadTrackConfig(dir, name, profile));
-      ASSIGN_OR_RETURN(TrackPtr track, MakeTrack(std::move(config)));
-      offer.profiles[profile] = std::move(track);
+    offer.default_profile = profiles.default_profile;
+    for (auto& [profile, config] : profiles.configs) {
+      ASSIGN_OR_RETURN(offer.profiles[profile], MakeTrack(std::move(config)));
     }
   }
   Tracks tracks;

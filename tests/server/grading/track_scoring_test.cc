@@ -44,9 +44,9 @@ TEST(TrackScoring, ReadsEveryShippedConfigInEveryProfile) {
   int parsed = 0;
   const auto tracks = ListTracks(kTracks);
   for (const std::string& track : *tracks) {
-    const auto profiles = ListProfiles(kTracks, track);
-    for (const std::string& profile : *profiles) {
-      const TrackConfig config = Load(track, profile);
+    const auto profiles = LoadProfiles(kTracks, track);
+    ASSERT_TRUE(profiles.ok()) << profiles.status();
+    for (const auto& [profile, config] : profiles->configs) {
       const auto scoring = ParseTrackScoring(config);
       ASSERT_TRUE(scoring.ok()) << scoring.status();
       EXPECT_TRUE(scoring->boards.contains(kMainBoard));
