@@ -210,14 +210,13 @@ absl::Status Daemon::RecoverEngine() {
 }
 
 absl::Status Daemon::AddServices() {
-  const std::string references = options_.configs_dir + "/reference";
-  reference_.emplace(ReferenceOptions{.folder = references,
+  reference_.emplace(ReferenceOptions{.folder = options_.configs_dir + "/reference",
                                       .work_dir = options_.data_dir + "/work/reference",
                                       .cache_dir = options_.cache_dir,
                                       .uid = geteuid() == 0 ? config_.uid_base + kReferenceUsers : -1});
   for (const auto& [name, entry] : configs_.tracks.entries()) {
-    const std::string why =
-        WhyUnreferenced(references, entry.profiles.at(entry.default_profile)->config.kind->name);
+    const TrackConfig& config = entry.profiles.at(entry.default_profile)->config;
+    const std::string why = reference_->references().WhyLacking(config.kind->name);
     if (!why.empty()) spdlog::warn("track {} is only for practice: {}", name, why);
   }
   const auto reference = [this](std::string_view kind, absl::Duration timeout) {

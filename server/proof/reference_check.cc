@@ -66,12 +66,16 @@ std::vector<fs::path> LogsIn(const std::string& folder) {
 
 }  // namespace
 
-std::string WhyUnreferenced(const std::string& folder, std::string_view kind) {
-  for (const fs::path& file : LogsIn(folder)) {
+References::References(std::string folder) : folder_(std::move(folder)) {
+  for (const fs::path& file : LogsIn(folder_)) {
     const absl::StatusOr<Reference> reference = ReadReference(file);
-    if (reference.ok() && reference->Kind() == kind) return "";
+    if (reference.ok()) kinds_.insert(reference->Kind());
   }
-  return absl::StrCat("no reference episode in ", folder, " is of the environment ",
+}
+
+std::string References::WhyLacking(std::string_view kind) const {
+  if (kinds_.contains(kind)) return "";
+  return absl::StrCat("no reference episode in ", folder_, " is of the environment ",
                       absl::string_view(kind.data(), kind.size()), ", so nothing shows that this host "
                       "computes it as others do; record one (configs/README.md)");
 }
@@ -116,7 +120,9 @@ absl::StatusOr<std::string> PlayReference(const ReferenceOptions& options,
 }
 
 ReferenceCheck::ReferenceCheck(ReferenceOptions options)
-    : options_(std::move(options)), thread_([this](const std::stop_token& stop) {
+    : options_(std::move(options)),
+      references_(options_.folder),
+      thread_([this](const std::stop_token& stop) {
         const std::stop_callback wake(stop, [this] {
           const MutexLock lock(mutex_);
           changed_.NotifyAll();
@@ -149,7 +155,7 @@ std::string ReferenceCheck::NextKind(const std::stop_token& stop) {
 }
 
 std::optional<std::string> ReferenceCheck::Result(std::string_view kind, absl::Duration timeout) {
-  if (std::string why = WhyUnreferenced(options_.folder, kind); !why.empty()) return why;
+  if (std::string why = references_.WhyLacking(kind); !why.empty()) return why;
   const auto deadline = std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(timeout);
   const MutexLock lock(mutex_);
   if (matched_.find(kind) == matched_.end()) asked_.emplace(kind);

@@ -25,9 +25,19 @@ struct ReferenceOptions {
   int64_t uid = -1;        // of the sandbox; -1: the caller's own
 };
 
-// Why ranked submissions of a track's environment (TrackKind::name) are refused whatever the host
-// computes: no log of `folder` is of it. "": there is one.
-std::string WhyUnreferenced(const std::string& folder, std::string_view kind);
+// Which environments (TrackKind::name) the logs of a folder are of.
+class References {
+ public:
+  explicit References(std::string folder);
+
+  // Why ranked submissions of an environment are refused whatever the host computes: no log is of it.
+  // "": there is one.
+  std::string WhyLacking(std::string_view kind) const;
+
+ private:
+  std::string folder_;
+  std::set<std::string, std::less<>> kinds_;
+};
 
 struct ReferenceHooks {
   std::function<std::string()> next;  // the environment whose logs come before others; "": any
@@ -50,11 +60,13 @@ class ReferenceCheck {
   // submissions of the environment `kind`; else why not, which may be another environment's log. A
   // check that could not be made does not block grading: whatever prevents it prevents leases as well.
   std::optional<std::string> Result(std::string_view kind, absl::Duration timeout);
+  const References& references() const { return references_; }
 
  private:
   std::string NextKind(const std::stop_token& stop);
 
   const ReferenceOptions options_;
+  const References references_;
   Mutex mutex_;
   Condition changed_;
   std::set<std::string, std::less<>> asked_ ABSL_GUARDED_BY(mutex_);  // and not matched yet

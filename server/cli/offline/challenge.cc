@@ -205,14 +205,14 @@ absl::StatusOr<int> CheckFiles(const ChallengeOptions& options) {
     RETURN_IF_ERROR(AddStoreMistakes(options.data, challenges, now, found.mistakes));
   }
   // A host with the client alone has neither server.json nor reference episodes.
-  const std::string reference = options.host.configs_dir() + "/reference";
+  const References references(options.host.configs_dir() + "/reference");
   std::error_code error;
   for (const ChallengeConfig& challenge : challenges) {
     if (!fs::exists(options.host.configs_dir() + "/server.json", error)) break;
     for (const PhaseConfig& phase : challenge.phases) {
       const absl::StatusOr<TrackPtr> track = tracks.Find(phase.track, phase.profile);
       if (!track.ok()) continue;
-      const std::string why = WhyUnreferenced(reference, (*track)->config.kind->name);
+      const std::string why = references.WhyLacking((*track)->config.kind->name);
       if (why.empty()) continue;
       found.mistakes.push_back(absl::StrCat(challenge.where, ": phase \"", phase.name, "\": nothing of "
                                             "the track ", phase.track, " can be ranked: ", why));

@@ -38,10 +38,11 @@ struct DoctorVerb {
 // Tracks without reference episodes, if there are any.
 void AddReferenceCheck(const Tracks& tracks, const std::string& reference,
                        std::vector<Check>& checks) {
+  const References references(reference);
   std::vector<std::string> lacking;
   for (const auto& [name, offer] : tracks.entries()) {
     const std::string why =
-        WhyUnreferenced(reference, offer.profiles.at(offer.default_profile)->config.kind->name);
+        references.WhyLacking(offer.profiles.at(offer.default_profile)->config.kind->name);
     if (!why.empty()) lacking.push_back(absl::StrCat("the track ", name, ": ", why));
   }
   if (lacking.empty()) return;
