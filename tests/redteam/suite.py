@@ -181,10 +181,10 @@ class Suite:
 
     def after(self, clean_s):
         """What is wrong with the host after everything has ended."""
-        left, spent = self.host.wait_clean(CLEAN_S)
+        left, spent, last = self.host.wait_clean(CLEAN_S)
         mistakes = [f"left: {thing}" for thing in left[:5]]
         if not left and spent > clean_s:
-            mistakes.append(f"it took {spent:.1f} s until nothing was left")
+            mistakes.append(f"it took {spent:.1f} s until nothing was left; last: {last[:3]}")
         use = self.host.daemon_use()
         # It gives back what a crowd needed, every ten seconds.
         end = time.monotonic() + TRIMMED_S
