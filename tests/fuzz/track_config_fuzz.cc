@@ -64,7 +64,10 @@ MYOGRADE_FUZZ_TARGET(track_config)(const uint8_t* data, size_t size) {
     return 0;
   }
   // Another profile may hold a mistake.
-  (void)LoadProfiles(folder, "fuzzed");
+  if (const auto profiles = LoadProfiles(folder, "fuzzed"); profiles.ok()) {
+    Require(profiles->default_profile == config->profile, "without a name, the default is meant");
+    Require(profiles->configs.at(config->profile).hash == config->hash, "a profile is one config");
+  }
   CheckBudgets(config->budgets);
   Require(!config->seeds.empty() && config->seeds.size() <= static_cast<size_t>(kMaxEpisodes),
           "there are seeds");

@@ -22,6 +22,7 @@ class Scheduling(DaemonCase):
         stubborn = self.submit("stubborn", episodes=2, seeds=[200, 201])
         self.wait("/v1/health", lambda b: any(l["step"] for l in b["leases"]))
         with concurrent.futures.ThreadPoolExecutor(1) as pool:
+            begin = time.monotonic()
             cancel = pool.submit(self.call, "POST", f"/v1/submissions/{stubborn}/cancel", {})
             # Meanwhile the loop serves others, whose changes of the store need it. Were it to wait, one
             # would have come before the cancel, and one be answered after it.
@@ -31,6 +32,7 @@ class Scheduling(DaemonCase):
                 served += 1
             self.assertGreater(served, 2)
             status, body = cancel.result()
+            self.assertLess(time.monotonic() - begin, 1.5)
         self.assertEqual((status, body["state"]), (200, "cancelled"))
         self.assertEqual((body["cancel"]["killed"], body["cancel"]["still_ending"]), (1, 0))
         self.assertLess(body["cancel"]["took_wall_s"], 1)

@@ -192,7 +192,7 @@ TEST(CpuLedger, ChargesWhatNobodyWaitedForHoweverShortItLived) {
                                Churn{.life_s = life, .between_s = 0.01, .answers = true},
                                Churn{.life_s = life, .busy = 0.3},
                                Churn{.life_s = life, .hides = true}}) {
-      const Sum sum = Play(churn, 80, 7);
+      const Sum sum = Play(churn, 200, 7);
       EXPECT_GT(sum.charged_s, 0.7 * sum.used_s - 1)
           << life << " " << churn.at_once << churn.answers << churn.hides << " " << churn.busy;
       EXPECT_LT(sum.charged_s, 1.3 * sum.used_s + 1)
@@ -209,7 +209,7 @@ TEST(CpuLedger, ChargesExactlyWhatWasWaitedFor) {
             Churn{.waited_for = true, .life_s = life, .between_s = 0.5},
             Churn{.waited_for = true, .life_s = life, .at_once = 8},
             Churn{.waited_for = true, .life_s = life, .busy = 0.1, .answers = true}}) {
-        const Sum sum = Play(churn, 40, seed);
+        const Sum sum = Play(churn, 100, seed);
         EXPECT_NEAR(sum.charged_s, sum.used_s, 0.02 * sum.used_s + 0.1)
             << life << " " << churn.at_once << " " << churn.busy << " " << seed;
       }
