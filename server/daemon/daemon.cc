@@ -210,10 +210,11 @@ absl::Status Daemon::RecoverEngine() {
 }
 
 absl::Status Daemon::AddServices() {
-  reference_.emplace(ReferenceOptions{.folder = options_.configs_dir + "/reference",
-                                      .work_dir = options_.data_dir + "/work/reference",
-                                      .cache_dir = options_.cache_dir,
-                                      .uid = geteuid() == 0 ? config_.uid_base + kReferenceUsers : -1});
+  reference_.emplace(
+      options_.configs_dir + "/reference",
+      ReferenceOptions{.work_dir = options_.data_dir + "/work/reference",
+                       .cache_dir = options_.cache_dir,
+                       .uid = geteuid() == 0 ? config_.uid_base + kReferenceUsers : -1});
   for (const auto& [name, entry] : configs_.tracks.entries()) {
     const TrackConfig& config = entry.profiles.at(entry.default_profile)->config;
     const std::string why = reference_->references().WhyLacking(config.kind->name);

@@ -4,7 +4,6 @@
 #include <chrono>
 #include <filesystem>
 #include <utility>
-#include <vector>
 
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
@@ -22,28 +21,21 @@ namespace fs = std::filesystem;
 // daemon's start.
 constexpr std::chrono::seconds kPause{5};
 
-struct Reference {
-  fs::path file;
-  LogHeader header;
-
-  std::string Kind() const { return std::string(header.track.kind->name); }
-};
-
-absl::StatusOr<Reference> ReadReference(const fs::path& file) {
+absl::StatusOr<LogHeader> ReadHeader(const std::string& file) {
   ASSIGN_OR_RETURN(const std::string bytes, ReadLog(file));
   ASSIGN_OR_RETURN(EpisodeLog log, ParseEpisodeLog(bytes));
-  return Reference{file, std::move(log.header)};
+  return std::move(log.header);
 }
 
-absl::StatusOr<ReplayRecord> PlayOne(const Reference& reference, const ReferenceOptions& options,
-                                     const std::stop_token& stop) {
+absl::StatusOr<ReplayRecord> PlayOne(const std::string& file, const LogHeader& header,
+                                     const ReferenceOptions& options, const std::stop_token& stop) {
   std::error_code error;
   fs::remove_all(options.work_dir, error);
   fs::create_directory(options.work_dir, error);
   fs::permissions(options.work_dir, fs::perms::owner_all, error);
   ReplayOrder order;
-  order.track = reference.header.track;
-  order.blocks = {{{{reference.header.episode, reference.header.seed, 0}}, {reference.file}}};
+  order.track = header.track;
+  order.blocks = {{{{header.episode, header.seed, 0}}, {file}}};
   order.work_dir = options.work_dir;
   order.cache_dir = options.cache_dir;
   order.uid_base = options.uid;
@@ -54,74 +46,64 @@ absl::StatusOr<ReplayRecord> PlayOne(const Reference& reference, const Reference
   return records->front();
 }
 
-std::vector<fs::path> LogsIn(const std::string& folder) {
-  std::error_code error;
-  std::vector<fs::path> files;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
-    if (entry.path().extension() == ".zst") files.push_back(fs::absolute(entry.path()));
-  }
-  std::sort(files.begin(), files.end());
-  return files;
-}
-
 }  // namespace
 
 References::References(std::string folder) : folder_(std::move(folder)) {
-  for (const fs::path& file : LogsIn(folder_)) {
-    const absl::StatusOr<Reference> reference = ReadReference(file);
-    if (reference.ok()) kinds_.insert(reference->Kind());
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder_, error)) {
+    if (entry.path().extension() != ".zst") continue;
+    const std::string file = fs::absolute(entry.path());
+    logs_.push_back({file, ReadHeader(file)});
   }
+  std::ranges::sort(logs_, {}, &Log::file);
 }
 
 std::string References::WhyLacking(std::string_view kind) const {
-  if (kinds_.contains(kind)) return "";
+  if (std::ranges::any_of(logs_, [&](const Log& log) { return log.IsOf(kind); })) return "";
   return absl::StrCat("no reference episode in ", folder_, " is of the environment ",
                       absl::string_view(kind.data(), kind.size()), ", so nothing shows that this host "
                       "computes it as others do; record one (configs/README.md)");
 }
 
-absl::StatusOr<std::string> PlayReference(const ReferenceOptions& options,
-                                          const std::stop_token& stop,
-                                          const ReferenceHooks& hooks) {
-  std::vector<fs::path> files = LogsIn(options.folder);
-  if (files.empty()) {
-    return absl::NotFoundError(absl::StrCat(options.folder, ": holds no reference episodes"));
+absl::StatusOr<std::string> References::Play(const ReferenceOptions& options,
+                                             const std::stop_token& stop,
+                                             const ReferenceHooks& hooks) const {
+  if (logs_.empty()) {
+    return absl::NotFoundError(absl::StrCat(folder_, ": holds no reference episodes"));
   }
-  const auto named = [](const fs::path& file, const absl::Status& status) {
-    return absl::Status(status.code(),
-                        absl::StrCat(file.filename().string(), ": ", status.message()));
+  const auto named = [](const Log& log, const absl::Status& status) {
+    return absl::Status(status.code(), absl::StrCat(fs::path(log.file).filename().string(), ": ",
+                                                    status.message()));
   };
-  std::vector<Reference> left;
-  for (const fs::path& file : files) {
-    absl::StatusOr<Reference> reference = ReadReference(file);
-    if (!reference.ok()) return named(file, reference.status());
-    left.push_back(*std::move(reference));
+  for (const Log& log : logs_) {
+    if (!log.header.ok()) return named(log, log.header.status());
   }
+  std::vector<const Log*> left;
+  for (const Log& log : logs_) left.push_back(&log);
   while (!left.empty()) {
-    const std::string wanted = hooks.next ? hooks.next() : "";
-    const auto of = [&](const std::string& kind) {
-      return std::find_if(left.begin(), left.end(),
-                          [&](const Reference& each) { return each.Kind() == kind; });
+    const auto of = [&](std::string_view kind) {
+      return std::ranges::find_if(left, [&](const Log* each) { return each->IsOf(kind); });
     };
-    const auto found = of(wanted);
-    const auto chosen = found == left.end() ? left.begin() : found;
-    const Reference reference = *chosen;
+    const auto wanted = of(hooks.next ? hooks.next() : "");
+    const auto chosen = wanted == left.end() ? left.begin() : wanted;
+    const Log& log = **chosen;
     left.erase(chosen);
-    const absl::StatusOr<ReplayRecord> record = PlayOne(reference, options, stop);
-    if (!record.ok()) return named(reference.file, record.status());
+    const absl::StatusOr<ReplayRecord> record = PlayOne(log.file, *log.header, options, stop);
+    if (!record.ok()) return named(log, record.status());
     if (!record->equal) {
       return absl::StrCat("this host does not compute the states of the reference episode ",
-                          reference.file.filename().string(), " (", record->detail,
+                          fs::path(log.file).filename().string(), " (", record->detail,
                           "), so its results would not be those of others");
     }
-    if (hooks.matched && of(reference.Kind()) == left.end()) hooks.matched(reference.Kind());
+    const std::string kind(log.header->track.kind->name);
+    if (hooks.matched && of(kind) == left.end()) hooks.matched(kind);
   }
   return std::string();
 }
 
-ReferenceCheck::ReferenceCheck(ReferenceOptions options)
+ReferenceCheck::ReferenceCheck(std::string folder, ReferenceOptions options)
     : options_(std::move(options)),
-      references_(options_.folder),
+      references_(std::move(folder)),
       thread_([this](const std::stop_token& stop) {
         const std::stop_callback wake(stop, [this] {
           const MutexLock lock(mutex_);
@@ -133,7 +115,7 @@ ReferenceCheck::ReferenceCheck(ReferenceOptions options)
           matched_.insert(kind);
           changed_.NotifyAll();
         };
-        const absl::StatusOr<std::string> verdict = PlayReference(
+        const absl::StatusOr<std::string> verdict = references_.Play(
             options_, stop, {.next = [&] { return NextKind(stop); }, .matched = matched});
         if (!verdict.ok() && !stop.stop_requested()) {
           spdlog::warn("the reference episodes could not be played: {}",

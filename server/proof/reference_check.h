@@ -10,33 +10,20 @@
 #include <string>
 #include <string_view>
 #include <thread>
+#include <vector>
 
 #include <absl/status/statusor.h>
 #include <absl/time/time.h>
 
 #include "protocol/base/mutex.h"
+#include "protocol/log/episode_log.h"
 
 namespace myograde::server {
 
 struct ReferenceOptions {
-  std::string folder;      // of the logs: configs/reference
   std::string work_dir;    // created, and removed again
   std::string cache_dir;
   int64_t uid = -1;        // of the sandbox; -1: the caller's own
-};
-
-// Which environments (TrackKind::name) the logs of a folder are of.
-class References {
- public:
-  explicit References(std::string folder);
-
-  // Why ranked submissions of an environment are refused whatever the host computes: no log is of it.
-  // "": there is one.
-  std::string WhyLacking(std::string_view kind) const;
-
- private:
-  std::string folder_;
-  std::set<std::string, std::less<>> kinds_;
 };
 
 struct ReferenceHooks {
@@ -44,17 +31,38 @@ struct ReferenceHooks {
   std::function<void(const std::string& kind)> matched;  // all logs of an environment did
 };
 
-// Plays every log of the folder, until `stop`. "" if all matched, else which did not and how. An
-// error says why the check could not be made.
-absl::StatusOr<std::string> PlayReference(const ReferenceOptions& options,
-                                          const std::stop_token& stop,
-                                          const ReferenceHooks& hooks = {});
+// The logs of a folder, as they are when it is constructed.
+class References {
+ public:
+  explicit References(std::string folder);
 
-// Runs PlayReference on its own thread, from construction to destruction: what is asked for at once,
-// the rest at leisure.
+  // Why ranked submissions of an environment (TrackKind::name) are refused whatever the host computes:
+  // no log is of it. "": there is one.
+  std::string WhyLacking(std::string_view kind) const;
+  // Plays every log, until `stop`. "" if all matched, else which did not and how. An error says why
+  // the check could not be made.
+  absl::StatusOr<std::string> Play(const ReferenceOptions& options, const std::stop_token& stop,
+                                   const ReferenceHooks& hooks = {}) const;
+
+ private:
+  struct Log {
+    std::string file;
+    absl::StatusOr<LogHeader> header;
+
+    bool IsOf(std::string_view kind) const {
+      return header.ok() && header->track.kind->name == kind;
+    }
+  };
+  std::string folder_;
+  std::vector<Log> logs_;  // by name
+};
+
+// Plays them on its own thread, from construction to destruction: what is asked for at once, the rest
+// at leisure.
 class ReferenceCheck {
  public:
-  explicit ReferenceCheck(ReferenceOptions options);
+  // `folder`: of the logs, configs/reference.
+  ReferenceCheck(std::string folder, ReferenceOptions options);
 
   // Waits for the verdict: nullopt if it is not known in time; "" if the host may grade ranked
   // submissions of the environment `kind`; else why not, which may be another environment's log. A

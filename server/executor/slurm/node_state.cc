@@ -99,12 +99,12 @@ std::string ProvedPath(const NodeOptions& options, const std::string& build) {
 std::string WhyNotEqual(const NodeOptions& options, int64_t uid_base) {
   // Where sandboxes can't start, no episode can be played either.
   if (std::string why = FirstMissing(options, uid_base); !why.empty()) return why;
-  const absl::StatusOr<std::string> differs = PlayReference(
-      {.folder = options.config_dir + "/reference",
-       .work_dir = options.node_dir + "/reference",
-       .cache_dir = options.cache_dir,
-       .uid = uid_base < 0 ? -1 : uid_base + kReferenceUsers},
-      /*stop=*/{});
+  const References references(options.config_dir + "/reference");
+  const absl::StatusOr<std::string> differs =
+      references.Play({.work_dir = options.node_dir + "/reference",
+                       .cache_dir = options.cache_dir,
+                       .uid = uid_base < 0 ? -1 : uid_base + kReferenceUsers},
+                      /*stop=*/{});
   if (!differs.ok()) {
     return absl::StrCat("can't play the reference episodes: ", differs.status().message());
   }
