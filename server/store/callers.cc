@@ -5,7 +5,7 @@
 #include "server/store/callers.h"
 #include "server/store/quota.h"
 #include "server/store/stored_row.h"
-#include "server/store/team_names.h"
+#include "server/store/teams.h"
 
 namespace myograde::server {
 namespace {
@@ -103,7 +103,7 @@ absl::StatusOr<int64_t> Callers::AddToken(const std::string& sha256, const Token
   }
   int64_t team = 0;
   if (participant) {
-    const absl::StatusOr<TeamInForce> found = FindTeam(db_, token.team);
+    const absl::StatusOr<TeamInForce> found = Teams(context_).Named(token.team);
     if (absl::IsNotFound(found.status())) {
       return WithErrorCode(
           absl::NotFoundError(absl::StrCat(found.status().message(), "; create it first")),

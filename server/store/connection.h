@@ -10,7 +10,7 @@
 #include <absl/status/statusor.h>
 
 #include "server/store/migration.h"
-#include "server/store/statement.h"
+#include "server/store/stored_row.h"
 
 namespace myograde::server {
 

@@ -9,7 +9,6 @@
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/policy_image.h"
 #include "server/store/stored_row.h"
-#include "server/store/team_names.h"
 #include "server/store/transaction.h"
 
 namespace myograde::server {
@@ -104,8 +103,8 @@ absl::StatusOr<bool> Content::AddArtefact(const ArtefactRow& artefact) {
 
 absl::Status Content::AddUpload(const ArtefactRow& artefact, const NewUpload& upload,
                                 const UnsubmittedLimits& limits) {
-  RETURN_IF_ERROR(CheckNotBanned(db_, Board(), upload.team));
-  const std::string team = KnownTeam(db_, upload.team);
+  RETURN_IF_ERROR(Teams(context_).CheckNotBanned(upload.team));
+  const std::string team = Teams(context_).NameOf(upload.team);
   Run(db_, "INSERT INTO artefact_holder VALUES (?, ?, ?) ON CONFLICT DO NOTHING", artefact.hash,
       upload.uploader, team);
   if (AnyRow(db_, "SELECT 1 FROM submission WHERE artefact = ? LIMIT 1", artefact.hash) ||
@@ -248,7 +247,7 @@ bool Content::TeamHoldsArtefact(const std::string& hash, const std::string& team
   if (AnyRow(db_,
              absl::StrCat("SELECT 1 FROM submission WHERE artefact = ?1 AND team_id IN ",
                           RowsOfTeam(2), " LIMIT 1"),
-             hash, KnownTeamId(db_, team))) {
+             hash, Teams(context_).IdOf(team))) {
     return true;
   }
   // By name, as a new team has no row before its first submission.

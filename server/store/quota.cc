@@ -8,7 +8,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 #include "server/store/stored_row.h"
-#include "server/store/team_names.h"
+#include "server/store/teams.h"
 
 namespace myograde::server {
 namespace {
@@ -153,8 +153,8 @@ void Quotas::Settle(int64_t evaluation, EvaluationState state, const std::string
 }
 
 absl::Status Quotas::AddUnits(const char* entry, const NewGrant& units, const std::string& who) {
-  ASSIGN_OR_RETURN(const std::string name, TeamNamed(db_, units.team));
-  const int64_t team = AddTeam(db_, name, now_ms_, who);
+  ASSIGN_OR_RETURN(const std::string name, Teams(context_).Allowed(units.team));
+  const int64_t team = Teams(context_).Ensure(name, who);
   Run(db_, absl::StrCat(kAddLedgerRow, "VALUES (?, ?, ?, ?, ?, ?, ?, ?, NULL, ?, ?)"), now_ms_,
       DayAt(now_ms_), team, units.track, units.phase, EnumName(units.budget), entry, units.amount,
       who, units.why);
@@ -192,7 +192,7 @@ QuotaUse Quotas::CountQuotaUse(const std::string& team, const std::string& track
                    " AND a.track = ?3 AND a.phase = ?4 AND e.finished_at IS NULL "
                    "AND NOT EXISTS (SELECT 1 FROM ledger AS l WHERE l.submission = a.submission "
                    "AND l.entry = 'charge')) GROUP BY budget, entry"),
-      use.day, KnownTeamId(db_, team), track, phase, kMostUnits);
+      use.day, Teams(context_).IdOf(team), track, phase, kMostUnits);
   while (select.executeStep()) {
     const std::optional<Budget> budget = ParseEnum<Budget>(select.getColumn(0).getString());
     const std::string entry = select.getColumn(1).getString();
@@ -234,7 +234,7 @@ Listed<LedgerRow> Quotas::Ledger(const std::string& team, const std::string& tra
                       absl::StrCat("WHERE team_id IN ", RowsOfTeam(1),
                                    " AND (?2 = '' OR track = ?2) AND id < ?3 "
                                    "ORDER BY id DESC LIMIT ?4"),
-                      KnownTeamId(db_, team), track, before, limit);
+                      Teams(context_).IdOf(team), track, before, limit);
 }
 
 }  // namespace myograde::server

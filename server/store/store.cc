@@ -6,7 +6,6 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/store/connection.h"
-#include "server/store/team_names.h"
 
 namespace myograde::server {
 namespace {

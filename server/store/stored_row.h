@@ -1,6 +1,6 @@
-// Reads rows as structs, whose members are the columns of a query in their order. A row with a value
-// that its member can't have is damaged: only the daemon writes the store, but disks fail and people
-// edit. What else the schema says of a row is checked when the store is opened (connection.h), and
+// SQLite statements in one call each, and rows as structs, whose members are the columns of a query
+// in their order. A row with a value that its member can't have is damaged: only the daemon writes
+// the store, but disks fail and people edit. What else the schema says of a row is checked when the store is opened (connection.h), and
 // here where nothing may follow from a row that breaks it. Internal to the store.
 //
 //   constexpr StoredRows<BlockRow, 3> kBlocks = {"block", "SELECT id, first, state FROM block "};
@@ -12,10 +12,13 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <type_traits>
 #include <utility>
 #include <vector>
 
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <SQLiteCpp/VariadicBind.h>
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 #include <absl/strings/str_cat.h>
@@ -23,9 +26,72 @@
 #include "protocol/base/outcome.h"
 #include "server/base/enum_names.h"
 #include "server/store/damage.h"
-#include "server/store/statement.h"
 
 namespace myograde::server {
+
+// --- statements; everything here throws SQLite::Exception ---
+
+// What SQLite::bind takes: it knows no views.
+inline std::string Bindable(std::string_view text) { return std::string(text); }
+template <typename Value>
+const Value& Bindable(const Value& value) {
+  return value;
+}
+
+// A statement with the values of its parameters, the first ones first.
+class Statement : public SQLite::Statement {
+ public:
+  template <typename... Values>
+  explicit Statement(SQLite::Database& db, const std::string& sql, const Values&... values)
+      : SQLite::Statement(db, sql) {
+    SQLite::bind(*this, Bindable(values)...);
+  }
+};
+
+// Runs a change; the number of rows that it changed.
+template <typename... Values>
+int Run(SQLite::Database& db, const std::string& sql, const Values&... values) {
+  return Statement(db, sql, values...).exec();
+}
+
+// Whether a query gives any row.
+template <typename... Values>
+bool AnyRow(SQLite::Database& db, const std::string& sql, const Values&... values) {
+  return Statement(db, sql, values...).executeStep();
+}
+
+template <typename Value>
+Value NextValue(SQLite::Statement& select, int& column) {
+  return select.getColumn(column++);
+}
+
+// The first columns of the first row, whole numbers and texts; 0 and "" if there is no row.
+template <typename... Columns, typename... Values>
+std::tuple<Columns...> FirstRow(SQLite::Database& db, const std::string& sql,
+                                const Values&... values) {
+  Statement select(db, sql, values...);
+  if (!select.executeStep()) return {};
+  int column = 0;
+  return {NextValue<Columns>(select, column)...};  // in their order, as these are braces
+}
+
+// The same of one column.
+template <typename Value, typename... Values>
+Value FirstValue(SQLite::Database& db, const std::string& sql, const Values&... values) {
+  return std::get<0>(FirstRow<Value>(db, sql, values...));
+}
+
+// The first column of every row.
+template <typename Value, typename... Values>
+std::vector<Value> AllValues(SQLite::Database& db, const std::string& sql,
+                             const Values&... values) {
+  Statement select(db, sql, values...);
+  std::vector<Value> all;
+  while (select.executeStep()) all.push_back(select.getColumn(0));
+  return all;
+}
+
+// --- rows as structs ---
 
 // A column's value for people, for keys and errors.
 std::string Shown(const SQLite::Column& column);
@@ -47,7 +113,6 @@ class StoredColumn {
   operator std::string() const;  // UTF-8; the text of a JSON object where the column is a *_json
   operator std::vector<std::string>() const;            // stored as JSON
   operator std::map<std::string, std::string>() const;  // the same
-  operator std::vector<double>() const;  // stored as raw memory; none is infinite
   operator Outcome() const;
   operator FailureReason() const;
   template <typename Value>

@@ -4,7 +4,6 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
 #include "server/store/stored_row.h"
-#include "server/store/team_names.h"
 #include "server/store/transaction.h"
 
 namespace myograde::server {
@@ -129,7 +128,7 @@ absl::Status Submissions::CheckReruns(int64_t submission, const std::string& who
     const std::string team = FirstValue<std::string>(db_, R"(SELECT t.name
         FROM submission AS s JOIN team AS t ON t.id = s.team_id WHERE s.id = ?)",
                                                      submission);
-    RETURN_IF_ERROR(CheckNotBanned(db_, Board(), team));
+    RETURN_IF_ERROR(Teams(context_).CheckNotBanned(team));
     const auto [artefact, grader_json] =
         FirstRow<std::string, std::string>(db_, R"(SELECT s.artefact, e.grader_json
         FROM submission AS s JOIN evaluation AS e ON e.submission = s.id WHERE s.id = ?
@@ -161,7 +160,7 @@ absl::StatusOr<std::optional<Accepted>> Submissions::FindOfficial(const NewSubmi
                                                                   const AdmissionRules& rules) {
   const auto [id, evaluation] = FirstRow<int64_t, int64_t>(
       db_, absl::StrCat(kOfficial, "AND s.team_id IN ", RowsOfTeam(3), " ORDER BY s.id LIMIT 1"),
-      submission.artefact, submission.config, KnownTeamId(db_, submission.team));
+      submission.artefact, submission.config, Teams(context_).IdOf(submission.team));
   if (id != 0) {
     return std::optional(Accepted{.submission = id, .evaluation = evaluation, .linked = true});
   }
@@ -184,8 +183,8 @@ absl::StatusOr<Accepted> Submissions::Accept(const NewSubmission& asked,
   }
   // In this transaction, so that of two names that look alike the second is rejected.
   NewSubmission submission = asked;
-  ASSIGN_OR_RETURN(submission.team, TeamNamed(db_, asked.team));
-  RETURN_IF_ERROR(CheckNotBanned(db_, Board(), submission.team));
+  ASSIGN_OR_RETURN(submission.team, Teams(context_).Allowed(asked.team));
+  RETURN_IF_ERROR(Teams(context_).CheckNotBanned(submission.team));
   if (submission.ranked) {
     ASSIGN_OR_RETURN(std::optional<Accepted> first, FindOfficial(submission, rules));
     if (first.has_value()) return *first;
@@ -199,7 +198,7 @@ absl::StatusOr<Accepted> Submissions::Accept(const NewSubmission& asked,
       Quotas(context_).CountQuotaUse(submission.team, submission.track, now_ms_, submission.phase);
   RETURN_IF_ERROR(
       CheckQuota(use, rules.quota, budget, submission.team, submission.track, submission.phase));
-  const int64_t team_id = AddTeam(db_, submission.team, now_ms_, who);
+  const int64_t team_id = Teams(context_).Ensure(submission.team, who);
   RETURN_IF_ERROR(Content(context_).AddConfig(submission.config, submission.track,
                                               submission.profile, submission.config_json));
   RETURN_IF_ERROR(Content(context_).AddSeedList(submission.seeds, submission.seed_count,

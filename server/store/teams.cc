@@ -1,19 +1,101 @@
+#include "server/store/teams.h"
+
 #include <map>
 #include <utility>
 
+#include <absl/strings/cord.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_join.h>
 
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 #include "server/base/names.h"
+#include "server/store/connection.h"
 #include "server/store/quota.h"
 #include "server/store/stored_row.h"
-#include "server/store/team_names.h"
-#include "server/store/teams.h"
 
 namespace myograde::server {
 namespace {
+
+constexpr char kResembledKey[] = "myograde/resembled-team";
+
+int64_t RowNamedExactly(SQLite::Database& db, const std::string& name) {
+  return FirstValue<int64_t>(db, R"(SELECT id FROM team
+      WHERE name = ?1 UNION ALL SELECT team_id FROM former_name WHERE name = ?1 LIMIT 1)",
+                             name);
+}
+
+// The oldest other team that the name resembles, now or by a former name of its own; "": none.
+std::string Resembled(SQLite::Database& db, const std::string& name, int64_t team) {
+  const std::string sql = absl::StrCat(
+      "SELECT t.name FROM team_skeleton AS l JOIN team AS t ON t.id = l.team "
+      "WHERE l.skeleton = ?1 AND t.id NOT IN ",
+      RowsOfTeam(2), " ORDER BY t.id LIMIT 1");
+  for (const std::string& look : ConfusableSkeletons(name)) {
+    std::string other = FirstValue<std::string>(db, sql, look, team);
+    if (!other.empty()) return other;
+  }
+  return "";
+}
+
+// The row of the team that has or had the name, which may have been merged into another; 0: none.
+int64_t TeamRowNamed(SQLite::Database& db, const std::string& name) {
+  // As given first: an old team may have a name that is rejected today.
+  if (const int64_t row = RowNamedExactly(db, name); row != 0) return row;
+  const absl::StatusOr<std::string> clean = CleanName(name, "the team's name");
+  return clean.ok() ? RowNamedExactly(db, *clean) : 0;
+}
+
+// The team that a row stands for. A damaged row if it is unreadable. REQUIRES: the row exists.
+absl::StatusOr<TeamInForce> TeamOfRow(SQLite::Database& db, int64_t row) {
+  constexpr StoredRows<TeamInForce, 3> kInForce = {
+      .table = "team",
+      .select = "SELECT o.id, t.id AS merged_into, t.name, t.banned FROM team AS o "
+                "LEFT JOIN team AS t ON t.id = ifnull(o.merged_into, o.id) ",
+      .first = 1};
+  const Damage missing = {"team", absl::StrCat(row), "it is missing, though another row names it"};
+  return kInForce.First(db, DamagedRow(missing), "WHERE o.id = ?", row);
+}
+
+absl::StatusOr<TeamInForce> FindTeam(SQLite::Database& db, const std::string& name) {
+  const int64_t row = TeamRowNamed(db, name);
+  if (row != 0) return TeamOfRow(db, row);
+  return absl::NotFoundError(absl::StrCat("there is no team \"", name, "\""));
+}
+
+// Whether the team of the row 0 (a new team), or another one, may take a clean name, which no team
+// has; errors as of Teams::Allowed.
+absl::Status CheckNotConfusable(SQLite::Database& db, const std::string& clean, int64_t team) {
+  const std::string other = Resembled(db, clean, team);
+  if (other.empty()) return absl::OkStatus();
+  absl::Status status = CodedRefusal(
+      "look_alike",
+      "the team's name looks like that of another team; choose another name, or write your "
+      "team's exactly as it was first given");
+  status.SetPayload(kResembledKey, absl::Cord(other));
+  return status;
+}
+
+// Adds what one more name of a team looks like.
+void AddSkeletons(SQLite::Database& db, int64_t team, const std::string& name) {
+  for (const std::string& look : ConfusableSkeletons(name)) {
+    Run(db, "INSERT OR IGNORE INTO team_skeleton VALUES (?, ?)", look, team);
+  }
+}
+
+// Adds an act to the journal; `detail`: as of TeamEventRow. Its name is that of the row now.
+void AddTeamEvent(SQLite::Database& db, int64_t now_ms, int64_t team, const std::string& event,
+                  const std::string& detail, const std::string& who, const std::string& why) {
+  const auto [name, into] =
+      FirstRow<std::string, int64_t>(db, "SELECT name, merged_into FROM team WHERE id = ?", team);
+  nlohmann::json content = {{"event", event}, {"team_id", team}, {"team", name}};
+  if (event == "merged") content["into"] = into;
+  AppendAct(db, now_ms,
+            {.kind = kTeamAct,
+             .who = who,
+             .content = std::move(content),
+             .beside = {{"detail", detail}, {"why", why}}});
+}
 
 // Memberships in force: the newest row of each team and person.
 constexpr char kMemberships[] =
@@ -138,16 +220,90 @@ void AddPeople(SQLite::Database& db, std::vector<TeamRow>& teams) {
 
 }  // namespace
 
+std::string RowsOfTeam(int place) {
+  return absl::StrCat("(SELECT id FROM team WHERE id = ?", place, " OR merged_into = ?", place,
+                      ")");
+}
+
+std::string ResembledTeam(const absl::Status& status) {
+  return std::string(status.GetPayload(kResembledKey).value_or(absl::Cord()));
+}
+
+void FillTeamSkeletons(SQLite::Database& db) {
+  const std::string version = SkeletonVersion();
+  const bool fits = Meta(db, "team_skeletons") == version;
+  if (!fits) db.exec("DELETE FROM team_skeleton");
+  Statement select(db, R"(WITH bare AS (SELECT id FROM team AS t
+      WHERE NOT EXISTS (SELECT 1 FROM team_skeleton WHERE team = t.id)) SELECT id, name FROM team
+      WHERE id IN bare UNION ALL SELECT team_id, name FROM former_name WHERE team_id IN bare)");
+  std::vector<std::pair<int64_t, std::string>> teams;
+  while (select.executeStep()) {
+    teams.emplace_back(select.getColumn(0).getInt64(), select.getColumn(1).getString());
+  }
+  for (const auto& [team, name] : teams) AddSkeletons(db, team, name);
+  if (!fits) SetMeta(db, "team_skeletons", version);
+}
+
+absl::StatusOr<std::string> Teams::Allowed(const std::string& name) const {
+  if (const int64_t row = TeamRowNamed(db_, name); row != 0) {
+    ASSIGN_OR_RETURN(const TeamInForce team, TeamOfRow(db_, row));
+    return team.name;
+  }
+  absl::StatusOr<std::string> clean = CleanName(name, "the team's name");
+  if (!clean.ok()) return clean;
+  RETURN_IF_ERROR(CheckNotConfusable(db_, *clean, 0));
+  return clean;
+}
+
+absl::Status Teams::CheckNotBanned(const std::string& name) const {
+  const int64_t row = TeamRowNamed(db_, name);
+  if (row == 0) return absl::OkStatus();
+  ASSIGN_OR_RETURN(const TeamInForce team, TeamOfRow(db_, row));
+  if (!team.banned) return absl::OkStatus();
+  std::string why;
+  for (const TeamEventRow& event : Board().TeamEvents(team.id)) {
+    if (event.event == "banned") why = event.why;
+  }
+  return CodedRefusal(
+      kBannedCode,
+      absl::StrCat("team \"", team.name, "\" is banned by the organisers",
+                   why.empty() ? "" : absl::StrCat(" (", why, ")"),
+                   ": nothing more is taken from it; what it has submitted stays readable for it"));
+}
+
+absl::StatusOr<TeamInForce> Teams::Named(const std::string& name) const {
+  return FindTeam(db_, name);
+}
+
+int64_t Teams::IdOf(const std::string& name) const {
+  const absl::StatusOr<TeamInForce> team = Named(name);
+  return team.ok() ? team->id : 0;
+}
+
+std::string Teams::NameOf(const std::string& name) const {
+  const absl::StatusOr<TeamInForce> team = Named(name);
+  return team.ok() ? team->name : name;
+}
+
+int64_t Teams::Ensure(const std::string& name, const std::string& who, const std::string& why) {
+  if (const int64_t row = RowNamedExactly(db_, name); row != 0) return row;
+  Run(db_, "INSERT INTO team (name, created_at) VALUES (?, ?)", name, now_ms_);
+  const int64_t team = db_.getLastInsertRowid();
+  AddSkeletons(db_, team, name);
+  AddTeamEvent(db_, now_ms_, team, "created", "", who, why);
+  return team;
+}
+
 absl::Status Teams::Create(const std::string& team, const std::string& who,
                            const std::string& why) {
   ASSIGN_OR_RETURN(const std::string clean, CleanName(team, "the team's name"));
   RETURN_IF_ERROR(CheckFree(db_, clean, 0));
-  AddTeam(db_, clean, now_ms_, who, why);
+  Ensure(clean, who, why);
   return absl::OkStatus();
 }
 
 absl::Status Teams::Found(const std::string& team, const std::string& person, int64_t most) {
-  ASSIGN_OR_RETURN(const std::string name, TeamNamed(db_, team));
+  ASSIGN_OR_RETURN(const std::string name, Allowed(team));
   std::set<std::string> teams = OfPerson(person);
   if (teams.contains(name)) return absl::OkStatus();
   // Also of teams that were merged into it, and those who were removed; a team may also be of
@@ -158,7 +314,7 @@ absl::Status Teams::Found(const std::string& team, const std::string& person, in
                           " UNION ALL SELECT 1 FROM token WHERE team_id IN ", rows,
                           " UNION ALL SELECT 1 FROM submission WHERE team_id IN ", rows,
                           " AND accepted_by != ?2 LIMIT 1"),
-             KnownTeamId(db_, name), person)) {
+             IdOf(name), person)) {
     return Forbid(absl::StrCat("team \"", name, "\" belongs to others, and ", person,
                                " is not a member of it; choose another name, or ask an organiser to "
                                "add you"));
@@ -171,7 +327,7 @@ absl::Status Teams::Found(const std::string& team, const std::string& person, in
                                teams.size() == 1 ? "that one" : "one of those",
                                ", or ask an organiser"));
   }
-  AddMember(db_, now_ms_, AddTeam(db_, name, now_ms_, person), person, true, person);
+  AddMember(db_, now_ms_, Ensure(name, person), person, true, person);
   return absl::OkStatus();
 }
 
@@ -254,19 +410,16 @@ Listed<MemberRow> Teams::Members(const std::string& team) const {
   return kMembers.List(db_,
                        absl::StrCat(kMemberships, "AND m.team_id IN ", RowsOfTeam(1),
                                     " ORDER BY m.person, m.id"),
-                       KnownTeamId(db_, team));
+                       IdOf(team));
 }
 
 std::vector<TeamEventRow> Teams::Events(const std::string& team) const {
-  return Board().TeamEvents(KnownTeamId(db_, team));
+  return Board().TeamEvents(IdOf(team));
 }
 
 absl::Status Teams::Check(const std::string& team) const {
-  absl::Status status = TeamNamed(db_, team).status();
-  if (status.ok()) status = CheckNotBanned(db_, Board(), team);
-  return status;
+  RETURN_IF_ERROR(Allowed(team).status());
+  return CheckNotBanned(team);
 }
-
-std::string Teams::NameOf(const std::string& name) const { return KnownTeam(db_, name); }
 
 }  // namespace myograde::server

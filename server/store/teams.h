@@ -19,14 +19,41 @@ namespace myograde::server {
 // status.
 std::string ResembledTeam(const absl::Status& status);
 
+// The team that a name or a row stands for: itself, or what it was merged into.
+struct TeamInForce {
+  int64_t id = 0;
+  std::string name;
+  bool banned = false;
+};
+
+// For a condition `team_id IN (...)`: a team with those merged into it. `place` is the number of
+// the parameter with the team's id. Internal to the store.
+std::string RowsOfTeam(int place);
+
+// Computes what the names of teams look like, where that is missing, or of all teams if the rule
+// has changed. Internal to the store; throws SQLite::Exception.
+void FillTeamSkeletons(SQLite::Database& db);
+
 // Teams and their members. Every name may also be a former one, or that of a team that was merged
 // into the one meant. NotFoundError: there is no such team. "True" means that it changed anything.
 class Teams : StorePart {
  public:
   using StorePart::StorePart;
 
-  // Errors as of Submissions::Accept.
+  // Whether a team may submit: errors of Allowed and CheckNotBanned.
   absl::Status Check(const std::string& team) const;
+  // FailedPreconditionError with the code "banned" if there is such a team, and it is banned.
+  absl::Status CheckNotBanned(const std::string& team) const;
+  // The stored name of the team called `name`: an existing team's as it is today, else the clean
+  // form (CleanName) that a new team would get.
+  //   InvalidArgumentError      no such team, and the name is not allowed
+  //   FailedPreconditionError   code "look_alike": no such team, and the name looks like another's,
+  //                             which ResembledTeam returns
+  absl::StatusOr<std::string> Allowed(const std::string& name) const;
+  // A damaged row (damage.h) if the team can't be read.
+  absl::StatusOr<TeamInForce> Named(const std::string& name) const;
+  // Its id; 0: there is none, or it can't be read.
+  int64_t IdOf(const std::string& name) const;
   // The stored name of the team called `name`, now or formerly; `name` itself if there is none.
   std::string NameOf(const std::string& name) const;
   // The teams that a person belongs to: "uid 1000". An unreadable membership is none.
@@ -41,7 +68,9 @@ class Teams : StorePart {
   std::vector<TeamEventRow> Events(const std::string& team) const;
   // Whether they can be merged; errors as of Teams::Merge.
   absl::Status CheckMerge(const std::string& team, const std::string& into) const;
-  // FailedPreconditionError if there is such a team; otherwise the name errors of Accept.
+  // Its id; a team that does not exist is created. REQUIRES: `name` came from Allowed.
+  int64_t Ensure(const std::string& name, const std::string& who, const std::string& why = "");
+  // FailedPreconditionError if there is such a team; otherwise errors of Allowed.
   absl::Status Create(const std::string& team, const std::string& who, const std::string& why);
   // Makes `person` the first member of a team, which is created if there is none. Does nothing for
   // a member. FailedPreconditionError with the code "forbidden" if the team has or had other
@@ -49,7 +78,7 @@ class Teams : StorePart {
   // teams.
   absl::Status Found(const std::string& team, const std::string& person, int64_t most);
   // The old name still finds the team. FailedPreconditionError if the new one is or was another
-  // team's; otherwise the name errors of Accept.
+  // team's; otherwise errors of Allowed.
   absl::StatusOr<bool> Rename(const std::string& team, const std::string& name,
                               const std::string& who, const std::string& why);
   absl::StatusOr<bool> SetMember(const std::string& team, const std::string& person, bool belongs,

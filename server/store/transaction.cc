@@ -4,7 +4,6 @@
 
 #include "protocol/base/status_macros.h"
 #include "server/store/connection.h"
-#include "server/store/team_names.h"
 
 namespace myograde::server {
 
