@@ -26,16 +26,6 @@ const ScoredTrack* FindScoredTrack(std::string_view name) {
   return nullptr;
 }
 
-std::string RankedNames(const ScoredTrack& track) {
-  std::string names;
-  for (const Metric& metric : track.metrics) {
-    if (!metric.ranked) continue;
-    if (!names.empty()) names += ',';
-    names += metric.name;
-  }
-  return names;
-}
-
 size_t RankedPlace(std::span<const Metric> metrics, size_t metric) {
   size_t place = 0;
   for (size_t i = 0; i < metric; ++i) place += metrics[i].ranked ? 1 : 0;

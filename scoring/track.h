@@ -59,10 +59,6 @@ std::span<const ScoredTrack* const> ScoredTracks();
 // nullptr if there is none of that name.
 const ScoredTrack* FindScoredTrack(std::string_view name);
 
-// The names of the metrics that boards rank by, joined with commas: what the numbers of a
-// BoardEntry are.
-std::string RankedNames(const ScoredTrack& track);
-
 // The place of a ranked metric among the numbers of a BoardEntry. REQUIRES: it is ranked.
 size_t RankedPlace(std::span<const Metric> metrics, size_t metric);
 

@@ -159,11 +159,9 @@ absl::Status AddConfigs(const Request& request, const Transaction& reader, const
 
 // What the view lacks, or has of other numbers than today's, is made of the episode rows on the
 // spot.
-absl::Status FillRow(const Transaction& reader, const std::string& names, StandingRow& row) {
-  if (!row.standing.aggregate_json.empty() && row.standing.names == names) {
-    return absl::OkStatus();
-  }
-  ASSIGN_OR_RETURN(row.standing, ReadStanding(reader, row.evaluation));
+absl::Status FillRow(const Transaction& reader, const Track& track, StandingRow& row) {
+  if (HasRankedNumbers(*track.scoring.track, row.aggregate)) return absl::OkStatus();
+  ASSIGN_OR_RETURN(row.aggregate, ReadStanding(reader, row.evaluation));
   return absl::OkStatus();
 }
 
@@ -208,7 +206,6 @@ absl::StatusOr<BoardSource> SourceOf(const Transaction& reader, const Track& tra
                                      const BoardMoment& moment) {
   const BoardState& board = reader.Board();
   const std::string& config = track.config.hash;
-  const std::string names = scoring::RankedNames(*track.scoring.track);
   BoardSource source{.standings = {},
                      .marks = board.MarksAt(moment.before_ms),
                      .damaged = {},
@@ -221,7 +218,7 @@ absl::StatusOr<BoardSource> SourceOf(const Transaction& reader, const Track& tra
   const std::map<int64_t, const BoardResult*> in_force = board.InForce(config, moment);
   std::vector<int64_t> evaluations;
   for (const auto& [submission, result] : in_force) evaluations.push_back(result->evaluation);
-  std::map<int64_t, Standing> standings = reader.episodes.Standings(evaluations);
+  std::map<int64_t, Json> standings = reader.episodes.Standings(evaluations);
   for (const auto& [submission, result] : in_force) {
     const TeamState* team = board.TeamOf(submission);
     if (result->failed || team->banned) continue;
@@ -230,11 +227,11 @@ absl::StatusOr<BoardSource> SourceOf(const Transaction& reader, const Track& tra
                     .evaluation = result->evaluation,
                     .team = team->name,
                     .artefact_name = stored.ok() ? stored->artefact_name : "",
-                    .standing = std::move(standings[result->evaluation]),
+                    .aggregate = std::move(standings[result->evaluation]),
                     .chosen = chosen.contains(submission),
                     .rejudge = result->rejudge};
     absl::Status filled = stored.status();
-    if (filled.ok()) filled = FillRow(reader, names, row);
+    if (filled.ok()) filled = FillRow(reader, track, row);
     if (filled.ok()) {
       source.standings.push_back(std::move(row));
     } else if (const std::optional<Damage> damage = ExtractDamage(filled)) {
@@ -249,8 +246,8 @@ absl::StatusOr<BoardSource> SourceOf(const Transaction& reader, const Track& tra
 absl::StatusOr<Leaderboard> BoardOf(const BoardSource& source, const Track& track,
                                     const scoring::BoardRules& rules) {
   ASSIGN_OR_RETURN(Leaderboard made,
-                   MakeLeaderboard(source.standings, source.marks, rules, track.scoring.team));
-  made.damaged.insert(made.damaged.begin(), source.damaged.begin(), source.damaged.end());
+                   MakeLeaderboard(source.standings, source.marks, rules, track.scoring));
+  made.damaged = source.damaged;
   return made;
 }
 

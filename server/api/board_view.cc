@@ -69,7 +69,7 @@ Json BoardToJson(const Leaderboard& board) {
                             {"name", row.source.artefact_name},
                             {"reason", row.mark.why},
                             {"at", TimeToJson(row.mark.at)},
-                            {"aggregate", row.aggregate}});
+                            {"aggregate", row.source.aggregate}});
   }
   return {{"rows", std::move(rows)}, {"disqualified", std::move(disqualified)}};
 }
@@ -235,7 +235,7 @@ Json StatisticsAnswer(const Transaction& reader, const Track& track,
     const TestedPlace* tested =
         found == place_of.end() ? nullptr : &statistics.places[found->second];
     if (tested != nullptr) AddTests(track, board, statistics.places, found->second, json);
-    json["intervals"] = ListIntervals(track, rules, row.aggregate, tested);
+    json["intervals"] = ListIntervals(track, rules, row.source.aggregate, tested);
     rows.push_back(std::move(json));
   }
   Json used = scoring::StatisticsToJson(config);
@@ -277,7 +277,7 @@ Json RowToJson(const LeaderboardRow& row) {
           {"rejudge", IdOrNull(row.source.rejudge)},
           {"name", row.source.artefact_name},
           {"qualified", row.qualified},
-          {"aggregate", row.aggregate}};
+          {"aggregate", row.source.aggregate}};
 }
 
 absl::StatusOr<Json> BoardView(const Transaction& reader, const BoardQuery& asked,

@@ -125,8 +125,7 @@ ApiResult ExplainPlaces(const ApiContext& context, const Transaction& reader,
   ASSIGN_OR_RETURN(const BoardSource source, SourceOf(reader, *board.track, board.moment()));
   ASSIGN_OR_RETURN(const auto explanation,
                    ExplainOrder(source.standings, source.marks, board.rules->rules,
-                                board.track->scoring.team,
-                                board.track->scoring.track->metrics, reader.teams.NameOf(request.Param("a")),
+                                board.track->scoring, reader.teams.NameOf(request.Param("a")),
                                 reader.teams.NameOf(request.Param("b"))));
   return ApiAnswer{.body = {{"track", board.track->config.id},
                             {"profile", board.track->config.profile},

@@ -35,6 +35,7 @@
 #include <map>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <absl/status/statusor.h>
@@ -116,7 +117,7 @@ struct MarkRow {
 };
 
 // The marks in force, by submission and name.
-using Marks = std::map<int64_t, std::map<std::string, MarkRow>>;
+using Marks = std::map<std::pair<int64_t, std::string>, MarkRow>;
 
 // An act on a team.
 struct TeamEventRow {

@@ -99,9 +99,9 @@ Marks BoardState::MarksAt(int64_t before_ms) const {
     for (const MarkRow& mark : history) {
       if (mark.at >= before_ms) continue;
       if (mark.set) {
-        marks[submission][mark.mark] = mark;
+        marks[{submission, mark.mark}] = mark;
       } else {
-        marks[submission].erase(mark.mark);
+        marks.erase({submission, mark.mark});
       }
     }
   }

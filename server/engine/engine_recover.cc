@@ -158,7 +158,7 @@ absl::Status EngineCore::Settle(int64_t evaluation) {
                                                 result.results_hash, owner_);
     if (result.state == EvaluationState::kDone &&
         context.evaluation.kind != EvaluationKind::kRerun) {
-      written.Update(writer.episodes.SetStanding(evaluation, result.standing));
+      written.Update(writer.episodes.SetStanding(evaluation, result.aggregate));
     }
     return written;
   }));
@@ -166,8 +166,8 @@ absl::Status EngineCore::Settle(int64_t evaluation) {
                         .submission = context.submission.id,
                         .team = context.submission.team});
   spdlog::info("evaluation {}: {}, {} of {} episodes succeeded", evaluation,
-               std::string(EnumName(result.state)), result.standing.successes,
-               result.standing.episodes);
+               std::string(EnumName(result.state)), At(result.aggregate, "successes").dump(),
+               At(result.aggregate, "episodes").dump());
   return absl::OkStatus();
 }
 

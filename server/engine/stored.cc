@@ -192,7 +192,7 @@ absl::Status CheckReadable(const Transaction& reader) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<Standing> ReadStanding(const Transaction& reader, int64_t evaluation) {
+absl::StatusOr<nlohmann::json> ReadStanding(const Transaction& reader, int64_t evaluation) {
   ASSIGN_OR_RETURN(EvaluationRow row, reader.evaluations.Find(evaluation));
   RETURN_IF_ERROR(FindSubmission(reader, row).status());
   ASSIGN_OR_RETURN(TrackConfig config, StoredConfig(reader, row.config));
@@ -205,14 +205,14 @@ absl::StatusOr<Standing> ReadStanding(const Transaction& reader, int64_t evaluat
   const scoring::ScoredTrack& track = *scoring::FindScoredTrack(config.kind->name);
   ASSIGN_OR_RETURN(const scoring::Aggregate aggregate, AggregateRows(track, rows));
   RETURN_IF_ERROR(CheckResults(reader, row, rows, config.seed_salt));
-  return ToStanding(track, aggregate);
+  return AggregateToJson(track, aggregate);
 }
 
 absl::StatusOr<Standings> MakeStandings(ReaderPool& readers, bool missing_only) {
   Standings standings;
   RETURN_IF_ERROR(readers.Read([&](const Transaction& reader) -> absl::Status {
     for (const int64_t evaluation : reader.evaluations.Done(missing_only)) {
-      absl::StatusOr<Standing> standing = ReadStanding(reader, evaluation);
+      absl::StatusOr<nlohmann::json> standing = ReadStanding(reader, evaluation);
       if (standing.ok()) {
         standings.rows.emplace_back(evaluation, *std::move(standing));
       } else if (const std::optional<Damage> damage = ExtractDamage(standing.status())) {
@@ -232,8 +232,8 @@ absl::StatusOr<std::vector<Damage>> FillStandings(Store& store, ReaderPool& read
   RETURN_IF_ERROR(store.Write([&](Transaction& writer) {
     for (const auto& [id, standing] : missing.rows) {
       const absl::Status set =
-          writer.Part([evaluation = id, &numbers = standing](Transaction& part) {
-            return part.episodes.SetStanding(evaluation, numbers);
+          writer.Part([evaluation = id, &aggregate = standing](Transaction& part) {
+            return part.episodes.SetStanding(evaluation, aggregate);
           });
       if (!set.ok()) {
         missing.damaged.push_back({"evaluation", absl::StrCat(id), std::string(set.message())});

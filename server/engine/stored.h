@@ -53,13 +53,13 @@ absl::StatusOr<std::vector<EpisodeRow>> WholeEpisodes(const Transaction& reader,
 absl::Status CheckResults(const Transaction& reader, const EvaluationRow& evaluation,
                           const std::vector<EpisodeRow>& rows, const std::string& seed_salt);
 
-// The standing of an evaluation in the store, from its episode rows. The store caches them as a
+// What an evaluation is ranked by (AggregateToJson), from its episode rows. The store caches it as a
 // view, so that a board need not read every episode; it can be rebuilt at any time.
-absl::StatusOr<Standing> ReadStanding(const Transaction& reader, int64_t evaluation);
+absl::StatusOr<nlohmann::json> ReadStanding(const Transaction& reader, int64_t evaluation);
 
 // By evaluation: all that are done, or only those missing from the view.
 struct Standings {
-  std::vector<std::pair<int64_t, Standing>> rows;
+  std::vector<std::pair<int64_t, nlohmann::json>> rows;
   std::vector<Damage> damaged;  // of those that can't be read
 };
 absl::StatusOr<Standings> MakeStandings(ReaderPool& readers, bool missing_only);

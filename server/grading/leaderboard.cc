@@ -1,7 +1,6 @@
 #include "server/grading/leaderboard.h"
 
 #include <algorithm>
-#include <cmath>
 #include <map>
 #include <optional>
 #include <set>
@@ -12,6 +11,7 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
+#include "server/base/json_value.h"
 
 namespace myograde::server {
 namespace {
@@ -24,71 +24,25 @@ using Json = nlohmann::json;
 
 constexpr size_t kBuildDigits = 12;
 
-// Everything that may have a row on a board, sorted by its marks. Points into the standings that it
-// was built from.
-struct Sorted {
-  std::vector<BoardEntry> ranked;
-  std::vector<BoardEntry> baselines;  // each as a team of its own
-  std::map<int64_t, const StandingRow*> sources;
-};
-
-BoardEntry EntryOf(const StandingRow& row) {
+BoardEntry EntryOf(const StandingRow& row, const scoring::ScoredTrack& track) {
   BoardEntry entry;
   entry.submission = absl::StrCat(row.submission);
   entry.team = row.team;
   entry.acceptance = row.submission;
   entry.chosen = row.chosen;
-  entry.successes = row.standing.successes;
-  entry.episodes = row.standing.episodes;
-  for (const double number : row.standing.numbers) {
-    entry.numbers.push_back(std::isnan(number) ? std::nullopt : std::optional(number));
+  const auto count = [&](const char* key) {
+    const Json& value = At(row.aggregate, key);
+    return value.is_number_integer() ? value.get<int64_t>() : 0;
+  };
+  entry.successes = count("successes");
+  entry.episodes = count("episodes");
+  for (const scoring::Metric& metric : track.metrics) {
+    if (!metric.ranked) continue;
+    const Json& number = At(row.aggregate, metric.name);
+    entry.numbers.push_back(number.is_number() ? std::optional(number.get<double>())
+                                               : std::nullopt);
   }
   return entry;
-}
-
-// Only rows that are shown get parsed.
-std::optional<Json> AggregateOf(const StandingRow& row, std::vector<Damage>& damaged) {
-  Json aggregate = Json::parse(row.standing.aggregate_json, nullptr, /*allow_exceptions=*/false);
-  if (aggregate.is_object()) return aggregate;
-  damaged.push_back({"standing", absl::StrCat(row.evaluation),
-                     "its aggregate is not a JSON object; rebuild the boards"});
-  return std::nullopt;
-}
-
-// What is disqualified goes to the board itself.
-Sorted Sort(const std::vector<StandingRow>& standings, const Marks& marks, Leaderboard& board) {
-  Sorted sorted;
-  static const std::map<std::string, MarkRow> kNone;
-  for (const StandingRow& row : standings) {
-    const auto found = marks.find(row.submission);
-    const auto& own = found == marks.end() ? kNone : found->second;
-    if (own.contains(kHidden)) continue;
-    if (const auto mark = own.find(kDisqualified); mark != own.end()) {
-      std::optional<Json> aggregate = AggregateOf(row, board.damaged);
-      if (aggregate) board.disqualified.push_back({row, *std::move(aggregate), mark->second});
-      continue;
-    }
-    BoardEntry entry = EntryOf(row);
-    sorted.sources[row.submission] = &row;
-    if (own.contains(kBaseline)) {
-      // Team names have no control characters, so this is unique.
-      entry.team = absl::StrCat("\x01", row.submission);
-      entry.chosen = true;
-      sorted.baselines.push_back(std::move(entry));
-    } else {
-      sorted.ranked.push_back(std::move(entry));
-    }
-  }
-  return sorted;
-}
-
-void AddRow(const Sorted& sorted, const RankedEntry& ranked, const BoardRules& rules,
-            Leaderboard& board) {
-  const StandingRow& source = *sorted.sources.at(ranked.entry.acceptance);
-  std::optional<Json> aggregate = AggregateOf(source, board.damaged);
-  if (!aggregate) return;
-  board.rows.push_back(
-      {ranked, source, *std::move(aggregate), scoring::IsQualified(ranked.entry, rules)});
 }
 
 // Where a baseline stands: the number of ranked rows above it.
@@ -107,36 +61,62 @@ absl::StatusOr<std::optional<size_t>> PlaceOf(const BoardEntry& baseline,
 
 }  // namespace
 
-absl::StatusOr<Leaderboard> MakeLeaderboard(const std::vector<StandingRow>& standings, const Marks& marks,
-                                const BoardRules& rules, TeamRule team) {
+absl::StatusOr<Leaderboard> MakeLeaderboard(const std::vector<StandingRow>& standings,
+                                            const Marks& marks, const BoardRules& rules,
+                                            const scoring::TrackScoring& scoring) {
   Leaderboard board;
-  const Sorted sorted = Sort(standings, marks, board);
+  std::map<int64_t, const StandingRow*> sources;
+  std::vector<BoardEntry> entries;
+  std::vector<BoardEntry> baselines;  // each as a team of its own
+  for (const StandingRow& row : standings) {
+    if (marks.contains({row.submission, kHidden})) continue;
+    if (const auto mark = marks.find({row.submission, kDisqualified}); mark != marks.end()) {
+      board.disqualified.push_back({row, mark->second});
+      continue;
+    }
+    sources[row.submission] = &row;
+    const bool baseline = marks.contains({row.submission, kBaseline});
+    BoardEntry& entry =
+        (baseline ? baselines : entries).emplace_back(EntryOf(row, *scoring.track));
+    if (!baseline) continue;
+    // Team names have no control characters, so this is unique.
+    entry.team = absl::StrCat("\x01", row.submission);
+    entry.chosen = true;
+  }
   ASSIGN_OR_RETURN(const std::vector<RankedEntry> ranked,
-                   scoring::Rank(sorted.ranked, rules, team));
+                   scoring::Rank(entries, rules, scoring.team));
   // By the number of ranked rows above. A ranked row stands below the baselines with as many, which
   // are in the order of their acceptance.
   std::map<std::pair<size_t, int64_t>, RankedEntry> rows;
   for (size_t i = 0; i < ranked.size(); ++i) rows[{i, INT64_MAX}] = ranked[i];
-  for (const BoardEntry& baseline : sorted.baselines) {
-    ASSIGN_OR_RETURN(std::optional<size_t> place, PlaceOf(baseline, ranked, rules, team));
+  for (const BoardEntry& baseline : baselines) {
+    ASSIGN_OR_RETURN(std::optional<size_t> place, PlaceOf(baseline, ranked, rules, scoring.team));
     if (place.has_value()) rows[{*place, baseline.acceptance}].entry = baseline;
   }
-  for (const auto& [place, row] : rows) AddRow(sorted, row, rules, board);
+  for (const auto& [place, row] : rows) {
+    board.rows.push_back(
+        {row, *sources.at(row.entry.acceptance), scoring::IsQualified(row.entry, rules)});
+  }
   return board;
+}
+
+bool HasRankedNumbers(const scoring::ScoredTrack& track, const Json& aggregate) {
+  return std::ranges::all_of(track.metrics, [&](const scoring::Metric& metric) {
+    return !metric.ranked || aggregate.contains(metric.name);
+  });
 }
 
 namespace {
 
 std::string WhyAbsent(int64_t id, const std::vector<StandingRow>& standings, const Marks& marks,
                       const Leaderboard& board, TeamRule team) {
-  const auto own = marks.find(id);
   const auto row = std::find_if(standings.begin(), standings.end(),
                                 [&](const StandingRow& s) { return s.submission == id; });
   if (row == standings.end()) {
     return "it has no finished ranked evaluation under the present config of this track";
   }
-  if (own != marks.end() && own->second.contains(kHidden)) return "it is hidden";
-  if (own != marks.end() && own->second.contains(kDisqualified)) return "it is disqualified";
+  if (marks.contains({id, kHidden})) return "it is hidden";
+  if (marks.contains({id, kDisqualified})) return "it is disqualified";
   if (team == TeamRule::kChosen && !row->chosen) return "its team has not chosen it";
   for (const LeaderboardRow& other : board.rows) {
     if (other.source.team == row->team && other.ranked.rank != 0) {
@@ -170,9 +150,10 @@ absl::StatusOr<const LeaderboardRow*> FindRow(const Leaderboard& board, const st
 
 absl::StatusOr<Explanation> ExplainOrder(const std::vector<StandingRow>& standings,
                                          const Marks& marks, const BoardRules& rules,
-                                         TeamRule team, std::span<const scoring::Metric> metrics,
+                                         const scoring::TrackScoring& scoring,
                                          const std::string& a, const std::string& b) {
-  ASSIGN_OR_RETURN(Leaderboard board, MakeLeaderboard(standings, marks, rules, team));
+  const TeamRule team = scoring.team;
+  ASSIGN_OR_RETURN(Leaderboard board, MakeLeaderboard(standings, marks, rules, scoring));
   ASSIGN_OR_RETURN(const LeaderboardRow* first, FindRow(board, a, standings, marks, team));
   ASSIGN_OR_RETURN(const LeaderboardRow* second, FindRow(board, b, standings, marks, team));
   if (first == second) {
@@ -202,7 +183,7 @@ absl::StatusOr<Explanation> ExplainOrder(const std::vector<StandingRow>& standin
   lower.rank = below.ranked.rank;
   upper.entry.team = above.source.team;
   lower.entry.team = below.source.team;
-  return Explanation{above, below, scoring::Explain(upper, lower, rules, metrics)};
+  return Explanation{above, below, scoring::Explain(upper, lower, rules, scoring.track->metrics)};
 }
 
 std::string SimulatingBuild(std::string_view grader_json) {

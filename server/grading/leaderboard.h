@@ -5,7 +5,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -25,29 +24,30 @@ namespace myograde::server {
 struct LeaderboardRow {
   scoring::RankedEntry ranked;  // rank 0: a baseline, which is not ranked
   StandingRow source;
-  nlohmann::json aggregate;     // AggregateToJson
   bool qualified = false;       // at or above the board's qualifying line
 };
 
 struct DisqualifiedRow {
   StandingRow source;
-  nlohmann::json aggregate;
   MarkRow mark;
 };
 
 struct Leaderboard {
-  std::vector<LeaderboardRow> rows;                 // in board order, including baselines
+  std::vector<LeaderboardRow> rows;           // in board order, including baselines
   std::vector<DisqualifiedRow> disqualified;  // by submission
-  std::vector<Damage> damaged;                // rows that belong here but are unreadable
+  std::vector<Damage> damaged;                // what its source could not read (api/board_source.h)
 };
 
 // Hidden submissions are left out. Disqualified ones don't rank and are listed separately. A
 // baseline stands before the first ranked row that it would beat, and neither takes a rank nor
 // moves a band: the ranks are those of the board without baselines. Every submission marked as
-// baseline is shown; its team's others rank as usual. A submission with an unreadable aggregate is
-// left out of the board and listed as damaged.
-absl::StatusOr<Leaderboard> MakeLeaderboard(const std::vector<StandingRow>& standings, const Marks& marks,
-                                const scoring::BoardRules& rules, scoring::TeamRule team);
+// baseline is shown; its team's others rank as usual.
+absl::StatusOr<Leaderboard> MakeLeaderboard(const std::vector<StandingRow>& standings,
+                                            const Marks& marks, const scoring::BoardRules& rules,
+                                            const scoring::TrackScoring& scoring);
+
+// Whether an aggregate has every number that the track ranks by; one of another version may not.
+bool HasRankedNumbers(const scoring::ScoredTrack& track, const nlohmann::json& aggregate);
 
 // Why one of two entries stands above the other, in a sentence (scoring::Explain). Each is
 // identified by its submission's number, or else by its team. A NotFoundError says which one is not
@@ -59,8 +59,7 @@ struct Explanation {
 };
 absl::StatusOr<Explanation> ExplainOrder(const std::vector<StandingRow>& standings,
                                          const Marks& marks, const scoring::BoardRules& rules,
-                                         scoring::TeamRule team,
-                                         std::span<const scoring::Metric> metrics,
+                                         const scoring::TrackScoring& scoring,
                                          const std::string& a, const std::string& b);
 
 // The first 12 digits of the SHA-256 over what a build simulates with: the simulator, MuJoCo's

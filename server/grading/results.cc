@@ -1,7 +1,6 @@
 #include "server/grading/results.h"
 
 #include <algorithm>
-#include <limits>
 #include <map>
 
 #include <absl/strings/str_cat.h>
@@ -136,19 +135,6 @@ nlohmann::json AggregateToJson(const scoring::ScoredTrack& track,
   return json;
 }
 
-Standing ToStanding(const scoring::ScoredTrack& track, const scoring::Aggregate& aggregate) {
-  const scoring::BoardEntry entry = scoring::MakeEntry(track.metrics, aggregate);
-  Standing standing{.successes = entry.successes,
-                    .episodes = entry.episodes,
-                    .names = scoring::RankedNames(track),
-                    .numbers = {},
-                    .aggregate_json = CanonicalJson(AggregateToJson(track, aggregate))};
-  for (const std::optional<double>& number : entry.numbers) {
-    standing.numbers.push_back(number.value_or(std::numeric_limits<double>::quiet_NaN()));
-  }
-  return standing;
-}
-
 absl::StatusOr<EvaluationResult> ComputeResult(const Track& track,
                                                const std::vector<EpisodeRow>& rows) {
   const scoring::ScoredTrack& scored = *track.scoring.track;
@@ -160,7 +146,7 @@ absl::StatusOr<EvaluationResult> ComputeResult(const Track& track,
                                  "first as ", std::string(OutcomeName(rows.front().outcome)));
   }
   result.results_hash = ResultsHash(rows, track.config.seed_salt);
-  result.standing = ToStanding(scored, aggregate);
+  result.aggregate = AggregateToJson(scored, aggregate);
   return result;
 }
 

@@ -33,9 +33,6 @@ absl::StatusOr<scoring::Aggregate> AggregateRows(const scoring::ScoredTrack& tra
 nlohmann::json AggregateToJson(const scoring::ScoredTrack& track,
                                const scoring::Aggregate& aggregate);
 
-// The standing that follows from an evaluation's aggregate.
-Standing ToStanding(const scoring::ScoredTrack& track, const scoring::Aggregate& aggregate);
-
 // What an evaluation with these episodes ends as, once all of them are there. Errors of
 // AggregateRows.
 absl::StatusOr<EvaluationResult> ComputeResult(const Track& track,

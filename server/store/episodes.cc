@@ -1,9 +1,6 @@
 #include "server/store/episodes.h"
 
 #include <algorithm>
-#include <bit>
-#include <cmath>
-#include <cstring>
 #include <utility>
 
 #include <absl/strings/str_cat.h>
@@ -64,22 +61,6 @@ constexpr StoredRows<DetailsRow, 2> kDetails = {
     .first = 1};
 
 constexpr char kTimesDropped[] = "standings_dropped";
-
-// The numbers as raw memory.
-std::string BytesOf(const std::vector<double>& numbers) {
-  static_assert(std::endian::native == std::endian::little && sizeof(double) == 8);
-  return std::string(reinterpret_cast<const char*>(numbers.data()), numbers.size() * 8);
-}
-
-struct EvaluationStanding {
-  int64_t evaluation = 0;
-  Standing standing;
-};
-// Boards parse the aggregates that they show.
-constexpr StoredRows<EvaluationStanding, 6> kStandings = {
-    "standing",
-    "SELECT evaluation, successes, episodes, names, numbers, aggregate_json AS aggregate "
-    "FROM standing "};
 
 }  // namespace
 
@@ -181,12 +162,8 @@ absl::StatusOr<std::vector<std::string>> Episodes::Record(const EpisodeRow& row)
   return differs;
 }
 
-absl::Status Episodes::SetStanding(int64_t evaluation, const Standing& standing) {
-  Run(db_, R"(INSERT INTO standing VALUES (?, ?, ?, ?, CAST(? AS BLOB), ?) ON CONFLICT
-      (evaluation) DO UPDATE SET successes = excluded.successes, episodes = excluded.episodes, names
-      = excluded.names, numbers = excluded.numbers, aggregate_json = excluded.aggregate_json)",
-      evaluation, standing.successes, standing.episodes, standing.names, BytesOf(standing.numbers),
-      standing.aggregate_json);
+absl::Status Episodes::SetStanding(int64_t evaluation, const Json& aggregate) {
+  Run(db_, "INSERT OR REPLACE INTO standing VALUES (?, ?)", evaluation, CanonicalJson(aggregate));
   return absl::OkStatus();
 }
 
@@ -198,12 +175,14 @@ absl::Status Episodes::DropStandings() {
 
 int64_t Episodes::TimesDropped() const { return MetaNumber(db_, kTimesDropped); }
 
-std::map<int64_t, Standing> Episodes::Standings(const std::vector<int64_t>& evaluations) const {
-  std::map<int64_t, Standing> standings;
-  for (EvaluationStanding& row :
-       kStandings.List(db_, "WHERE evaluation IN (SELECT value FROM json_each(?))",
-                       absl::StrCat("[", absl::StrJoin(evaluations, ","), "]")).rows) {
-    standings[row.evaluation] = std::move(row.standing);
+std::map<int64_t, Json> Episodes::Standings(const std::vector<int64_t>& evaluations) const {
+  Statement select(db_, R"(SELECT evaluation, aggregate_json
+      FROM standing WHERE evaluation IN (SELECT value FROM json_each(?)))",
+                   absl::StrCat("[", absl::StrJoin(evaluations, ","), "]"));
+  std::map<int64_t, Json> standings;
+  while (select.executeStep()) {
+    Json aggregate = Json::parse(select.getColumn(1).getString(), nullptr, false);
+    if (aggregate.is_object()) standings[select.getColumn(0).getInt64()] = std::move(aggregate);
   }
   return standings;
 }

@@ -53,14 +53,15 @@ class Episodes : StorePart {
   // Hashes of the logs of practice episodes, except those that an evaluation which may rank needs
   // too.
   std::set<std::string> PracticeLogs() const;
-  // What finished evaluations are ranked by, as far as the view has it and it can be read.
-  std::map<int64_t, Standing> Standings(const std::vector<int64_t>& evaluations) const;
+  // The aggregates that finished evaluations are ranked by, as far as the view has them and they can
+  // be read.
+  std::map<int64_t, nlohmann::json> Standings(const std::vector<int64_t>& evaluations) const;
   // The text of the JSON object with an episode's details, by index, of those that have some.
   absl::StatusOr<std::map<int64_t, std::string>> Details(int64_t evaluation) const;
   // Keeps an existing row; if the new one differs, records and returns in what.
   absl::StatusOr<std::vector<std::string>> Record(const EpisodeRow& row);
   // Sets or replaces what a finished evaluation is ranked by.
-  absl::Status SetStanding(int64_t evaluation, const Standing& standing);
+  absl::Status SetStanding(int64_t evaluation, const nlohmann::json& aggregate);
   absl::Status DropStandings();
   // How often that was done.
   int64_t TimesDropped() const;

@@ -307,7 +307,7 @@ absl::StatusOr<Accepted> Rejudges::AddJudged(const NewRejudgeItem& item, const s
       SELECT ?, idx, details_json FROM episode_details WHERE evaluation = ? ORDER BY idx)",
       evaluation, item.source);
   if (result.state == EvaluationState::kDone) {
-    RETURN_IF_ERROR(Episodes(context_).SetStanding(evaluation, result.standing));
+    RETURN_IF_ERROR(Episodes(context_).SetStanding(evaluation, result.aggregate));
   }
   Evaluations(context_).AppendGraded(evaluation, who);
   return Accepted{.submission = item.submission, .evaluation = evaluation};

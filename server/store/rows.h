@@ -170,21 +170,12 @@ struct TransitionRow {
   std::string why;
 };
 
-// What a finished evaluation is ranked by.
-struct Standing {
-  int64_t successes = 0;
-  int64_t episodes = 0;
-  std::string names;  // of the numbers, comma-separated: scoring decides which (RankedNames)
-  std::vector<double> numbers;  // means; NaN: none
-  std::string aggregate_json;   // canonical; it holds the same numbers
-};
-
 // What an evaluation ends as.
 struct EvaluationResult {
   EvaluationState state = EvaluationState::kDone;  // or kFailed
   std::string reason = "";
   std::string results_hash = "";
-  Standing standing = {};  // of kDone
+  nlohmann::json aggregate = {};  // AggregateToJson (server/grading/results.h)
 };
 
 // A candidate row of a board.
@@ -193,7 +184,7 @@ struct StandingRow {
   int64_t evaluation = 0;
   std::string team;
   std::string artefact_name;
-  Standing standing;  // aggregate_json is empty until the view has it
+  nlohmann::json aggregate;  // what it is ranked by (AggregateToJson)
   bool chosen = false;  // by its team, where teams choose
   int64_t rejudge = 0;  // whose evaluation it is; 0: it is the original
 };

@@ -548,9 +548,5 @@ CREATE TRIGGER journal_kept BEFORE DELETE ON journal
 
 CREATE TABLE standing (
   evaluation     INTEGER PRIMARY KEY REFERENCES evaluation (id),
-  successes      INTEGER NOT NULL,
-  episodes       INTEGER NOT NULL,
-  names          TEXT NOT NULL,  -- of the numbers that boards rank by, joined with commas
-  numbers        BLOB NOT NULL,  -- a double each, least significant byte first; NaN is none
-  aggregate_json TEXT NOT NULL   -- holds the numbers above too
+  aggregate_json TEXT NOT NULL
 ) STRICT;

@@ -1,9 +1,6 @@
 #include "server/store/stored_row.h"
 
 #include <algorithm>
-#include <bit>
-#include <cmath>
-#include <cstring>
 
 #include <absl/strings/escaping.h>
 #include <absl/strings/match.h>
@@ -78,17 +75,6 @@ StoredColumn::operator std::vector<std::string>() const {
 }
 StoredColumn::operator std::map<std::string, std::string>() const {
   return JsonTexts<std::map<std::string, std::string>>("object");
-}
-
-StoredColumn::operator std::vector<double>() const {
-  static_assert(std::endian::native == std::endian::little && sizeof(double) == 8);
-  const std::string bytes = value_.getString();
-  std::vector<double> numbers(bytes.size() / 8);
-  if (!numbers.empty()) std::memcpy(numbers.data(), bytes.data(), numbers.size() * 8);
-  const bool any_infinite =
-      std::ranges::any_of(numbers, [](double number) { return std::isinf(number); });
-  if (!value_.isBlob() || bytes.size() % 8 != 0 || any_infinite) Fail("numbers belong there");
-  return numbers;
 }
 
 StoredColumn::operator Outcome() const { return Named(ParseOutcome); }

@@ -59,7 +59,7 @@ Json BoardRowJson(const LeaderboardRow& row) {
           {"evaluation", row.source.evaluation},
           {"name", row.source.artefact_name},
           {"qualified", row.qualified},
-          {"aggregate", row.aggregate}};
+          {"aggregate", row.source.aggregate}};
 }
 
 Json DisqualifiedJson(const DisqualifiedRow& row) {
@@ -69,7 +69,7 @@ Json DisqualifiedJson(const DisqualifiedRow& row) {
           {"name", row.source.artefact_name},
           {"reason", row.mark.why},
           {"at", TimeText(row.mark.at)},
-          {"aggregate", row.aggregate}};
+          {"aggregate", row.source.aggregate}};
 }
 
 absl::StatusOr<std::vector<StandingRow>> ListStandings(
@@ -82,8 +82,7 @@ absl::StatusOr<std::vector<StandingRow>> ListStandings(
     const auto result = results.find(ended->evaluation);
     if (team->banned) continue;
     if (result == results.end()) {
-      const auto own = marks.find(submission);
-      if (own != marks.end() && own->second.contains(kHidden)) continue;
+      if (marks.contains({submission, kHidden})) continue;
       return absl::UnavailableError(absl::StrCat("the receipt of evaluation ", ended->evaluation,
                                                  " is withheld and may have a row there"));
     }
@@ -93,7 +92,7 @@ absl::StatusOr<std::vector<StandingRow>> ListStandings(
     row.evaluation = ended->evaluation;
     row.team = team->name;
     row.artefact_name = result->second.name;
-    row.standing = result->second.standing;
+    row.aggregate = result->second.aggregate;
     row.chosen = chosen.contains(submission);
     standings.push_back(std::move(row));
   }
@@ -133,12 +132,10 @@ absl::StatusOr<ReceivedResult> ResultOfReceipt(const Json& receipt) {
     return absl::InvalidArgumentError(
         "its numbers do not follow from its episodes");
   }
-  ReceivedResult result = {.done = done,
-                           .hides_seeds = HidesSeeds(receipt),
-                           .name = TextAt(receipt, "name"),
-                           .standing = ToStanding(*track, *aggregate)};
-  result.standing.aggregate_json = CanonicalJson(numbers);
-  return result;
+  return ReceivedResult{.done = done,
+                        .hides_seeds = HidesSeeds(receipt),
+                        .name = TextAt(receipt, "name"),
+                        .aggregate = std::move(numbers)};
 }
 
 absl::StatusOr<std::string> BoardText(const BoardState& record,
@@ -153,7 +150,7 @@ absl::StatusOr<std::string> BoardText(const BoardState& record,
   ASSIGN_OR_RETURN(const std::vector<StandingRow> standings,
                    ListStandings(record, marks, results, hash));
   ASSIGN_OR_RETURN(const Leaderboard made,
-                   MakeLeaderboard(standings, marks, spec->second.rules, config.scoring.team));
+                   MakeLeaderboard(standings, marks, spec->second.rules, config.scoring));
   const Json rules = config.config["scoring"].value("boards", Json::object());
   Json rows = Json::array();
   for (const LeaderboardRow& row : made.rows) rows.push_back(BoardRowJson(row));

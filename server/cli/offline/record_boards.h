@@ -19,7 +19,7 @@ struct ReceivedResult {
   bool done = false;  // a failed one is on no board
   bool hides_seeds = false;
   std::string name;   // of the artefact
-  Standing standing;
+  nlohmann::json aggregate;
 };
 
 // A config as far as boards need it; "seeds" and what they follow from may be missing.

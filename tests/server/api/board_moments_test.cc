@@ -119,7 +119,7 @@ class Board {
       status.Update(writer.blocks.Finish(block, 1, "{}", "daemon"));
       status.Update(writer.evaluations.End(accepted.evaluation, EvaluationState::kDone, "", "x",
                                          "daemon"));
-      status.Update(writer.episodes.SetStanding(accepted.evaluation, StandingWith(number)));
+      status.Update(writer.episodes.SetStanding(accepted.evaluation, AggregateWith(number)));
       return status;
     });
   }
@@ -167,7 +167,7 @@ class Board {
         }
         NewRejudgeItem computed{item};
         computed.method = RejudgeMethod::kFacts;
-        computed.judged = {.results_hash = "y", .standing = StandingWith(number)};
+        computed.judged = {.results_hash = "y", .aggregate = AggregateWith(number)};
         computed.episodes = {judged};
         return writer.rejudges.AddItem(computed, "daemon").status();
       });
@@ -254,10 +254,12 @@ class Board {
       if (track->config.hash == config) live_ = track;
     }
   }
-  static Standing StandingWith(double number) {
-    const std::string names = scoring::RankedNames(*Configs().front()->scoring.track);
-    const auto count = 1 + std::count(names.begin(), names.end(), ',');
-    return {1, 1, names, std::vector<double>(static_cast<size_t>(count), number), "{}"};
+  static nlohmann::json AggregateWith(double number) {
+    nlohmann::json aggregate = {{"episodes", 1}, {"successes", 1}};
+    for (const scoring::Metric& metric : Configs().front()->scoring.track->metrics) {
+      aggregate[metric.name] = number;
+    }
+    return aggregate;
   }
 
   ManualClock clock_{absl::FromUnixSeconds(1700000000)};

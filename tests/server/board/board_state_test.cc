@@ -137,10 +137,10 @@ TEST_F(BoardStateTest, AFreezeKeepsResultsBackAndNotMarks) {
   Do(kMarkedAct, {{"submission", 1}, {"mark", "hidden"}, {"set", true}, {"why", "asked"}});
   EXPECT_THAT(Standing(kOld, frozen), ElementsAre(Pair(1, 11)));
   EXPECT_TRUE(state_.Withholds(kOld, frozen));
-  EXPECT_TRUE(state_.MarksAt().at(1).contains("hidden"));
+  EXPECT_TRUE(state_.MarksAt().contains({1, "hidden"}));
   EXPECT_THAT(state_.MarksAt(now_), IsEmpty());
   Do(kMarkedAct, {{"submission", 1}, {"mark", "hidden"}, {"set", false}});
-  EXPECT_FALSE(state_.MarksAt().at(1).contains("hidden"));
+  EXPECT_FALSE(state_.MarksAt().contains({1, "hidden"}));
   EXPECT_THAT(state_.MarkHistory(1), SizeIs(2));
   EXPECT_EQ(state_.ChangedAt(kOld, "", {}), now_);
 }

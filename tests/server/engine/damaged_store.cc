@@ -37,23 +37,23 @@ std::string BoardText(ReaderPool& readers, const std::string& config) {
     std::vector<StandingRow> rows;
     std::vector<Damage> damaged;
     for (const auto& [submission, result] : state.InForce(config)) {
-      const absl::StatusOr<Standing> standing = ReadStanding(reader, result->evaluation);
+      const absl::StatusOr<nlohmann::json> standing = ReadStanding(reader, result->evaluation);
       if (!standing.ok() && !ExtractDamage(standing.status())) return standing.status();
       if (!standing.ok()) damaged.push_back(*ExtractDamage(standing.status()));
       rows.push_back({.submission = submission,
                       .evaluation = result->evaluation,
                       .team = state.TeamOf(submission)->name,
                       .artefact_name = "",
-                      .standing = standing.value_or(Standing())});
+                      .aggregate = standing.value_or(nullptr)});
     }
     const absl::StatusOr<Leaderboard> board =
         MakeLeaderboard(rows, state.MarksAt(),
                         (*track)->scoring.boards.at(scoring::kMainBoard).rules,
-                        (*track)->scoring.team);
+                        (*track)->scoring);
     if (!board.ok()) return board.status();
     for (const LeaderboardRow& row : board->rows) {
       absl::StrAppend(&text, row.ranked.rank, " ", row.source.team, " ", row.source.submission, " ",
-                      row.source.standing.aggregate_json, "\n");
+                      row.source.aggregate.dump(), "\n");
     }
     for (const Damage& damage : damaged) absl::StrAppend(&text, DamageText(damage), "\n");
     for (const Damage& damage : board->damaged) absl::StrAppend(&text, DamageText(damage), "\n");

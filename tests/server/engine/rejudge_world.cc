@@ -224,7 +224,7 @@ int64_t RejudgeWorld::Played(const std::string& team, const Json& grader, bool c
     const EvaluationResult result = *ComputeResult(*base_, rows);
     written.Update(writer.evaluations.End(accepted.evaluation, result.state, result.reason,
                                         result.results_hash, "test"));
-    if (!crashes) written.Update(writer.episodes.SetStanding(accepted.evaluation, result.standing));
+    if (!crashes) written.Update(writer.episodes.SetStanding(accepted.evaluation, result.aggregate));
     return written;
   });
   EXPECT_TRUE(status.ok()) << status;

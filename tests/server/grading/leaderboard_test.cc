@@ -19,7 +19,17 @@ using scoring::TeamRule;
 constexpr scoring::TieredBoard kTiered;
 constexpr scoring::Metric kMetrics[] = {
     {.name = "time_s", .title = "time", .unit = "s", .ranked = true},
-    {.name = "effort", .title = "effort", .unit = "", .ranked = true}};
+    {.name = "effort", .title = "effort", .unit = "", .ranked = true},
+    {.name = "pain", .title = "pain", .unit = ""}};
+
+const scoring::TrackScoring& Scoring() {
+  static const scoring::ScoredTrack kTrack = {
+      .name = "t", .metrics = kMetrics, .null_metrics = {}, .null_means = {}, .null_spreads = {},
+      .parse = nullptr};
+  static const scoring::TrackScoring kScoring = {
+      .track = &kTrack, .judge = nullptr, .team = TeamRule::kBest, .boards = {}};
+  return kScoring;
+}
 
 StandingRow Row(int64_t submission, const std::string& team, int successes, double time,
                 double effort) {
@@ -30,11 +40,11 @@ StandingRow Row(int64_t submission, const std::string& team, int successes, doub
           submission + 100,
           team,
           "policy",
-          {successes, 100, "time_s,effort", {time, effort}, aggregate.dump()}};
+          aggregate};
 }
 
 void Set(Marks& marks, int64_t submission, const std::string& mark, const std::string& why = "") {
-  marks[submission][mark] = {1, submission, mark, true, "uid 0", why};
+  marks[{submission, mark}] = {1, submission, mark, true, "uid 0", why};
 }
 
 std::vector<std::string> PlacesOf(const Leaderboard& board) {
@@ -46,7 +56,7 @@ std::vector<std::string> PlacesOf(const Leaderboard& board) {
 }
 
 Leaderboard Make(const std::vector<StandingRow>& rows, const Marks& marks) {
-  absl::StatusOr<Leaderboard> board = MakeLeaderboard(rows, marks, kTiered, TeamRule::kBest);
+  absl::StatusOr<Leaderboard> board = MakeLeaderboard(rows, marks, kTiered, Scoring());
   EXPECT_TRUE(board.ok()) << board.status();
   return board.ok() ? *std::move(board) : Leaderboard();
 }
@@ -77,20 +87,21 @@ TEST(Leaderboard, AFastBaselineOpensNoBand) {
   EXPECT_THAT(PlacesOf(Make(rows, marks)), ElementsAre("0:1", "1:3", "2:2"));
 }
 
-TEST(Leaderboard, DamagedAggregatesAreToldAndTheOthersStand) {
-  StandingRow broken = Row(1, "alpha", 2, 1, 1);
-  StandingRow disqualified = Row(2, "beta", 2, 1, 1);
-  broken.standing.aggregate_json = disqualified.standing.aggregate_json = "{";
-  Marks marks;
-  Set(marks, 2, kDisqualified);
-  const auto board =
-      MakeLeaderboard({broken, disqualified, Row(3, "gamma", 1, 1, 1)}, marks, kTiered, TeamRule::kBest);
-  ASSERT_TRUE(board.ok()) << board.status();
-  ASSERT_EQ(board->rows.size(), 1u);
-  EXPECT_EQ(board->rows[0].source.submission, 3);
-  EXPECT_TRUE(board->disqualified.empty());
-  ASSERT_EQ(board->damaged.size(), 2u);
-  for (const Damage& damage : board->damaged) EXPECT_EQ(damage.table, "standing");
+TEST(Leaderboard, RanksByTheNumbersOfAnAggregate) {
+  const StandingRow whole = Row(1, "alpha", 50, 9, 0.1);
+  EXPECT_TRUE(HasRankedNumbers(*Scoring().track, whole.aggregate));
+  StandingRow without = Row(2, "beta", 50, 1, 0.1);
+  without.aggregate["time_s"] = nullptr;  // none ranks behind every number
+  EXPECT_TRUE(HasRankedNumbers(*Scoring().track, without.aggregate));
+  EXPECT_THAT(PlacesOf(Make({without, whole}, {})), ElementsAre("1:1", "2:2"));
+  without.aggregate.erase("pain");
+  EXPECT_TRUE(HasRankedNumbers(*Scoring().track, without.aggregate)) << "it is not ranked by";
+  for (const char* key : {"time_s", "effort"}) {
+    StandingRow lacking = whole;
+    lacking.aggregate.erase(key);
+    EXPECT_FALSE(HasRankedNumbers(*Scoring().track, lacking.aggregate)) << key;
+  }
+  EXPECT_FALSE(HasRankedNumbers(*Scoring().track, nullptr));
 }
 
 TEST(Leaderboard, ExplainsByNumberAndByTeamAndSaysWhyNot) {
@@ -100,7 +111,7 @@ TEST(Leaderboard, ExplainsByNumberAndByTeamAndSaysWhyNot) {
   Marks marks;
   Set(marks, 5, kHidden);
   const auto explain = [&](const std::string& a, const std::string& b) {
-    const auto found = ExplainOrder(rows, marks, kTiered, TeamRule::kBest, kMetrics, a, b);
+    const auto found = ExplainOrder(rows, marks, kTiered, Scoring(), a, b);
     return found.ok() ? found->sentence : std::string(found.status().message());
   };
   EXPECT_THAT(explain("3", "1"), HasSubstr("alpha (rank 1) stands above beta (rank 2)"));
@@ -141,7 +152,7 @@ RC_GTEST_PROP(BoardProperty, MarksTakeAwayAndChangeNoOrder, ()) {
   for (const LeaderboardRow& row : marked.rows) {
     if (row.ranked.rank == 0) {
       ++baselines;
-      RC_ASSERT(marks.at(row.source.submission).contains(kBaseline));
+      RC_ASSERT(marks.contains({row.source.submission, kBaseline}));
     } else {
       ranked.push_back(absl::StrCat(row.ranked.rank, ":", row.source.submission));
     }
@@ -149,7 +160,7 @@ RC_GTEST_PROP(BoardProperty, MarksTakeAwayAndChangeNoOrder, ()) {
   RC_ASSERT(ranked == PlacesOf(Make(rest, {})));
   RC_ASSERT(baselines == static_cast<size_t>(std::count_if(
                              marks.begin(), marks.end(), [](const auto& entry) {
-                               return entry.second.contains(kBaseline);
+                               return entry.first.second == kBaseline;
                              })));
   // The order of the input rows does not matter.
   std::vector<StandingRow> shuffled = rows;

@@ -343,10 +343,10 @@ TEST_F(QuotaTest, MarksAreRowsAndTheNewestIsInForce) {
   EXPECT_TRUE(mark("hidden", false, ""));
   Read([&](const Transaction& reader) {
     EXPECT_EQ(reader.Board().MarkHistory(accepted.submission).size(), 4u);
-    const auto marks = reader.Board().MarksAt().at(accepted.submission);
+    const Marks marks = reader.Board().MarksAt();
     ASSERT_EQ(marks.size(), 1u);
-    EXPECT_EQ(marks.at("disqualified").why, "reads the seeds");
-    EXPECT_EQ(marks.at("disqualified").who, "uid 0");
+    EXPECT_EQ(marks.at({accepted.submission, "disqualified"}).why, "reads the seeds");
+    EXPECT_EQ(marks.at({accepted.submission, "disqualified"}).who, "uid 0");
   });
 }
 

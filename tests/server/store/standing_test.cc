@@ -1,7 +1,4 @@
 // The view that boards are built from, and the counter that tells whether a cached board is stale.
-#include <cmath>
-#include <limits>
-
 #include <gtest/gtest.h>
 
 #include "tests/server/store/store_fixture.h"
@@ -12,14 +9,6 @@ namespace {
 // The time has no short binary form: every bit must survive.
 constexpr char kAggregate[] =
     R"({"distance_m":null,"effort":0.1,"effort_over_steps":0.7,"episodes":4,"pain":null,"pain_over_steps":0.1111111111111111,"successes":3,"time_s":0.3333333333333333})";
-
-Standing MakeStanding() {
-  return {.successes = 3,
-          .episodes = 4,
-          .names = "time_s,effort,pain,effort_over_steps",
-          .numbers = {0.3333333333333333, 0.1, std::numeric_limits<double>::quiet_NaN(), 0.7},
-          .aggregate_json = kAggregate};
-}
 
 class StandingTest : public StoreTest {
  protected:
@@ -41,7 +30,7 @@ class StandingTest : public StoreTest {
     const absl::Status status = Write([&](Transaction& writer) {
       absl::Status written = writer.evaluations.End(accepted.evaluation, EvaluationState::kDone, "",
                                                   std::string(64, 'e'), "daemon");
-      written.Update(writer.episodes.SetStanding(accepted.evaluation, MakeStanding()));
+      written.Update(writer.episodes.SetStanding(accepted.evaluation, nlohmann::json::parse(kAggregate)));
       return written;
     });
     ASSERT_TRUE(status.ok()) << status;
@@ -59,19 +48,17 @@ TEST_F(StandingTest, HoldsTheNumbersWithEveryBit) {
   Play(accepted);
   End(accepted);
   Read([&](const Transaction& reader) {
-    const std::map<int64_t, Standing> standings =
+    const std::map<int64_t, nlohmann::json> standings =
         reader.episodes.Standings({accepted.evaluation, 99});
     ASSERT_EQ(standings.size(), 1u);
-    EXPECT_EQ(standings.at(accepted.evaluation).aggregate_json, kAggregate);
-    const Standing& ranked = standings.at(accepted.evaluation);
-    EXPECT_EQ(ranked.successes, 3);
-    EXPECT_EQ(ranked.episodes, 4);
-    EXPECT_EQ(ranked.names, "time_s,effort,pain,effort_over_steps");
-    ASSERT_EQ(ranked.numbers.size(), 4u);
-    EXPECT_EQ(ranked.numbers[0], 0.3333333333333333);
-    EXPECT_EQ(ranked.numbers[1], 0.1);
-    EXPECT_TRUE(std::isnan(ranked.numbers[2]));
-    EXPECT_EQ(ranked.numbers[3], 0.7);
+    const nlohmann::json& ranked = standings.at(accepted.evaluation);
+    EXPECT_EQ(ranked.dump(), kAggregate);
+    EXPECT_EQ(ranked["successes"], 3);
+    EXPECT_EQ(ranked["episodes"], 4);
+    EXPECT_EQ(ranked["time_s"].get<double>(), 0.3333333333333333);
+    EXPECT_EQ(ranked["effort"].get<double>(), 0.1);
+    EXPECT_TRUE(ranked["pain"].is_null());
+    EXPECT_EQ(ranked["effort_over_steps"].get<double>(), 0.7);
   });
 }
 
@@ -80,12 +67,12 @@ TEST_F(StandingTest, NumbersThatAreNoneAreNotThere) {
   const Accepted accepted = Submit();
   Play(accepted);
   End(accepted);
-  // One byte; infinity.
-  for (const char* numbers : {"x'00'", "x'000000000000f07f'"}) {
+  // Cut off; no object; infinity.
+  for (const char* aggregate : {"{", "7", "{\"time_s\":1e999}"}) {
     SQLite::Database(path_, SQLite::OPEN_READWRITE)
-        .exec(std::string("UPDATE standing SET numbers = ") + numbers);
+        .exec(absl::StrCat("UPDATE standing SET aggregate_json = '", aggregate, "'"));
     Read([&](const Transaction& reader) {
-      EXPECT_TRUE(reader.episodes.Standings({accepted.evaluation}).empty()) << numbers;
+      EXPECT_TRUE(reader.episodes.Standings({accepted.evaluation}).empty()) << aggregate;
     });
   }
 }
