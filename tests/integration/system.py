@@ -7,7 +7,7 @@ import shutil
 import signal
 import unittest
 
-from support.daemon import Daemon
+from support.daemon import REFERENCES, Daemon
 
 HERE = pathlib.Path(__file__).resolve().parent
 BIN = pathlib.Path(os.environ["MYOGRADE_TEST_BIN"])
@@ -32,11 +32,12 @@ class SystemTest(unittest.TestCase):
     """A daemon for each class, unless the class does not start it."""
 
     tracks = {}
+    references = REFERENCES
     user = None  # an ordinary user, as whom root starts the daemon; None: as the caller
 
     @classmethod
     def setUpClass(cls):
-        cls.daemon = Daemon(BIN, SOURCE, "system", cls.user)
+        cls.daemon = Daemon(BIN, SOURCE, "system", cls.user, cls.references)
         cls.addClassCleanup(cls.daemon.close)
         cls.root, cls.data = cls.daemon.root, cls.daemon.data
         cls.environment = cls.daemon.environment

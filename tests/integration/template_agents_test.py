@@ -7,7 +7,7 @@ import pathlib
 import shutil
 import unittest
 
-from system import HERE, POLICIES, SystemTest, track_config
+from system import HERE, POLICIES, REFERENCES, SystemTest, track_config
 
 AGENTS = HERE / "template_agents"
 RUNTIME = pathlib.Path(os.environ.get("MYOGRADE_CACHE", "/nonexistent"), "runtimes/template-2024")
@@ -18,6 +18,7 @@ RELOCATION_2023 = ("8085", "63", "hand_qpos", "hand_qvel", "obj_pos", "goal_pos"
 
 @unittest.skipUnless((RUNTIME / "grpc").is_dir(), f"there is no runtime {RUNTIME}")
 class TemplateAgents(SystemTest):
+    references = (*REFERENCES, "reorientation", "baoding", "relocation", "chasetag")
     tracks = {
         "short-arm": track_config("manipulation", seeds={"first": 7000, "count": 2}),
         "short-leg": track_config("locomotion"),

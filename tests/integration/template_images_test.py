@@ -10,7 +10,7 @@ import unittest
 
 import template_agents_test
 from support import images
-from system import SystemTest, track_config
+from system import REFERENCES, SystemTest, track_config
 
 AGENTS, RUNTIME = template_agents_test.AGENTS, template_agents_test.RUNTIME
 PYTHON = pathlib.Path("/usr/lib/python3.11")
@@ -52,6 +52,7 @@ def python_layers():
 @unittest.skipUnless((RUNTIME / "grpc").is_dir(), f"there is no runtime {RUNTIME}")
 @unittest.skipUnless(PYTHON.is_dir(), f"there is no {PYTHON} to make an image of")
 class TemplateImages(SystemTest):
+    references = (*REFERENCES, "reorientation", "relocation")
     tracks = {"short-arm": track_config("manipulation"), "short-leg": track_config("locomotion"),
               "short-die": track_config("reorientation"), "short-bin": track_config("relocation")}
 

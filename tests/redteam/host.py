@@ -53,7 +53,9 @@ class Host(Daemon):
     CANARY = "a file of the host that everybody may write to\n"
 
     def __init__(self, programs, source, user=None):
-        super().__init__(programs, source, "redteam", user)
+        # The daemon plays others at leisure, and the suite would see that as something left. This one
+        # is played before the first honest submission.
+        super().__init__(programs, source, "redteam", user, references=("locomotion",))
         self.data.mkdir(exist_ok=True)
         quota = json.loads((self.configs / "server.json").read_text())["quota"]
         # Its crowds are there to take places and time, which the limit on requests would save.
@@ -63,11 +65,6 @@ class Host(Daemon):
                               if key.endswith(("_per_day", "_total")) or key == "waiting"})
         for name, track in TRACKS.items():
             self.add_track(name, track)
-        # The daemon plays others at leisure, and the suite would see that as something left. This one
-        # is played before the first honest submission.
-        for log in (self.configs / "reference").glob("*.zst"):
-            if not log.name.startswith("locomotion."):
-                log.unlink()
         # AddressSanitizer quarantines freed memory: keep that small, so that growth is visible.
         self.environment.update(ASAN_OPTIONS=asan_options("quarantine_size_mb=16"), NO_COLOR="1")
         self.runners = set()

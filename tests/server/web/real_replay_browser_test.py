@@ -23,7 +23,7 @@ class RealEpisodes(unittest.TestCase):
 
     @classmethod
     def setUpClass(cls):
-        cls.daemon = Daemon(BIN, SOURCE, "replays")
+        cls.daemon = Daemon(BIN, SOURCE, "replays", references=TRACKS)
         cls.addClassCleanup(cls.daemon.close)
         for track in TRACKS:
             cls.daemon.add_track(f"short-{track}", {
