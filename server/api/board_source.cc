@@ -245,10 +245,7 @@ absl::StatusOr<BoardSource> SourceOf(const Transaction& reader, const Track& tra
 
 absl::StatusOr<Leaderboard> BoardOf(const BoardSource& source, const Track& track,
                                     const scoring::BoardRules& rules) {
-  ASSIGN_OR_RETURN(Leaderboard made,
-                   MakeLeaderboard(source.standings, source.marks, rules, track.scoring));
-  made.damaged = source.damaged;
-  return made;
+  return MakeLeaderboard(source.standings, source.marks, rules, track.scoring);
 }
 
 absl::StatusOr<Leaderboard> BoardUnder(const Transaction& reader, const Track& track,

@@ -283,12 +283,12 @@ Json RowToJson(const LeaderboardRow& row) {
 absl::StatusOr<Json> BoardView(const Transaction& reader, const BoardQuery& asked,
                                const scoring::StatisticsConfig& statistics, KeptStatistics& kept) {
   const TrackConfig& config = asked.track->config;
-  ASSIGN_OR_RETURN(const BoardSource source, SourceOf(reader, *asked.track, asked.moment()));
-  ASSIGN_OR_RETURN(Leaderboard board, BoardOf(source, *asked.track, asked.rules->rules));
+  ASSIGN_OR_RETURN(BoardSource source, SourceOf(reader, *asked.track, asked.moment()));
+  ASSIGN_OR_RETURN(const Leaderboard board, BoardOf(source, *asked.track, asked.rules->rules));
   Json json = BoardToJson(board);
   if (statistics.ranks == scoring::StatisticsConfig::Ranks::kGroups) {
     ASSIGN_OR_RETURN(const auto tested, kept.Of(reader, asked, board, statistics.groups));
-    board.damaged.insert(board.damaged.end(), tested->damaged.begin(), tested->damaged.end());
+    source.damaged.insert(source.damaged.end(), tested->damaged.begin(), tested->damaged.end());
     const std::vector<int64_t> ranks = PublishedRanks(board, *tested);
     for (size_t i = 0; i < ranks.size(); ++i) {
       if (ranks[i] != 0) json["rows"][i]["rank"] = ranks[i];
@@ -297,7 +297,7 @@ absl::StatusOr<Json> BoardView(const Transaction& reader, const BoardQuery& aske
   json["ranks"] = scoring::StatisticsToJson(statistics)["ranks"];
   AddBuilds(reader, board, json);
   AddOtherConfigs(reader, asked, json);
-  json["unreadable"] = DamagedToJson(board.damaged);
+  json["unreadable"] = DamagedToJson(source.damaged);
   AddBoardAsked(asked, source.withheld, json);
   // Boards by a mean score have no settings.
   json["rules"] =
@@ -313,13 +313,14 @@ absl::StatusOr<Json> StatisticsView(const Transaction& reader, const BoardQuery&
                                     const scoring::StatisticsConfig& config, KeptStatistics& kept) {
   const Track& track = *asked.track;
   const scoring::BoardRules& rules = asked.rules->rules;
-  ASSIGN_OR_RETURN(const BoardSource source, SourceOf(reader, track, asked.moment()));
-  ASSIGN_OR_RETURN(Leaderboard board, BoardOf(source, track, rules));
+  ASSIGN_OR_RETURN(BoardSource source, SourceOf(reader, track, asked.moment()));
+  ASSIGN_OR_RETURN(const Leaderboard board, BoardOf(source, track, rules));
   ASSIGN_OR_RETURN(const auto statistics, kept.Of(reader, asked, board, config.groups));
   Json json = StatisticsAnswer(reader, track, rules, board, *statistics, config);
   AddBoardAsked(asked, source.withheld, json);
-  board.damaged.insert(board.damaged.end(), statistics->damaged.begin(), statistics->damaged.end());
-  json["unreadable"] = DamagedToJson(board.damaged);
+  source.damaged.insert(source.damaged.end(), statistics->damaged.begin(),
+                        statistics->damaged.end());
+  json["unreadable"] = DamagedToJson(source.damaged);
   return json;
 }
 

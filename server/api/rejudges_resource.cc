@@ -114,22 +114,17 @@ std::pair<BoardMoment, BoardMoment> MomentsOf(const RejudgeRow& rejudge) {
   return {{.before_ms = at}, {.before_ms = at + 1, .assumed_rejudge = rejudge.id}};
 }
 
-absl::StatusOr<Leaderboard> BoardOrEmpty(const Transaction& reader, const Track& track,
-                                         const std::string& name, const BoardMoment& moment) {
-  if (!track.scoring.boards.contains(name)) return Leaderboard();
-  return BoardUnder(reader, track, name, moment);
+absl::StatusOr<Leaderboard> BoardOrEmpty(const BoardSource& source, const Track& track,
+                                         const std::string& name) {
+  const auto board = track.scoring.boards.find(name);
+  if (board == track.scoring.boards.end()) return Leaderboard();
+  return BoardOf(source, track, board->second.rules);
 }
 
-absl::StatusOr<Json> BoardChanges(const Transaction& reader, const Track& from, const Track& to,
-                                  const std::string& name,
-                                  const std::pair<BoardMoment, BoardMoment>& moments,
-                                  std::vector<Damage>& damaged) {
-  ASSIGN_OR_RETURN(const Leaderboard before, BoardOrEmpty(reader, from, name, moments.first));
-  ASSIGN_OR_RETURN(const Leaderboard after, BoardOrEmpty(reader, to, name, moments.second));
-  // What can't be read is missing on every board.
-  for (const Damage& damage : after.damaged) {
-    if (std::ranges::find(damaged, damage) == damaged.end()) damaged.push_back(damage);
-  }
+absl::StatusOr<Json> BoardChanges(const BoardSource& old, const BoardSource& now, const Track& from,
+                                  const Track& to, const std::string& name) {
+  ASSIGN_OR_RETURN(const Leaderboard before, BoardOrEmpty(old, from, name));
+  ASSIGN_OR_RETURN(const Leaderboard after, BoardOrEmpty(now, to, name));
   int64_t moved = 0;
   Json rows = CompareBoards(before, after, moved);
   const bool stays = to.scoring.boards.contains(name);
@@ -168,21 +163,21 @@ absl::StatusOr<Json> WholeRejudgeToJson(const Transaction& reader, const Rejudge
 
 // Adds how the boards change, and what was not repeatable.
 absl::Status AddRejudgeChanges(const Transaction& reader, const RejudgeRow& rejudge, Json& json) {
-  json["boards"] = Json::array();
+  json["boards"] = json["unreadable"] = Json::array();
   ASSIGN_OR_RETURN(json["not_repeatable"], NotRepeatableToJson(reader, rejudge.id));
-  std::vector<Damage> damaged;
-  if (rejudge.purpose == RejudgePurpose::kRules) {
-    ASSIGN_OR_RETURN(const TrackPtr from, StoredTrack(reader, rejudge.from_config));
-    ASSIGN_OR_RETURN(const TrackPtr to, StoredTrack(reader, rejudge.to_config));
-    const auto moments = MomentsOf(rejudge);
-    auto names = from->scoring.boards;
-    names.insert(to->scoring.boards.begin(), to->scoring.boards.end());
-    for (const auto& [name, board] : names) {
-      ASSIGN_OR_RETURN(Json changes, BoardChanges(reader, *from, *to, name, moments, damaged));
-      json["boards"].push_back(std::move(changes));
-    }
+  if (rejudge.purpose != RejudgePurpose::kRules) return absl::OkStatus();
+  ASSIGN_OR_RETURN(const TrackPtr from, StoredTrack(reader, rejudge.from_config));
+  ASSIGN_OR_RETURN(const TrackPtr to, StoredTrack(reader, rejudge.to_config));
+  const auto [before, after] = MomentsOf(rejudge);
+  ASSIGN_OR_RETURN(const BoardSource old, SourceOf(reader, *from, before));
+  ASSIGN_OR_RETURN(const BoardSource now, SourceOf(reader, *to, after));
+  auto names = from->scoring.boards;
+  names.insert(to->scoring.boards.begin(), to->scoring.boards.end());
+  for (const auto& [name, board] : names) {
+    ASSIGN_OR_RETURN(Json changes, BoardChanges(old, now, *from, *to, name));
+    json["boards"].push_back(std::move(changes));
   }
-  json["unreadable"] = DamagedToJson(damaged);
+  json["unreadable"] = DamagedToJson(now.damaged);
   return absl::OkStatus();
 }
 

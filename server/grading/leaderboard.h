@@ -16,7 +16,6 @@
 #include "scoring/board.h"
 #include "scoring/track.h"
 #include "server/board/acts.h"
-#include "server/store/damage.h"
 #include "server/store/rows.h"
 
 namespace myograde::server {
@@ -35,7 +34,6 @@ struct DisqualifiedRow {
 struct Leaderboard {
   std::vector<LeaderboardRow> rows;           // in board order, including baselines
   std::vector<DisqualifiedRow> disqualified;  // by submission
-  std::vector<Damage> damaged;                // what its source could not read (api/board_source.h)
 };
 
 // Hidden submissions are left out. Disqualified ones don't rank and are listed separately. A

@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kApplicationId = 0x4d796f47;  // as schema.sql sets it
+constexpr int kApplicationId = 0x4d794772;  // as schema.sql sets it
 
 int SchemaOf(SQLite::Database& db) { return db.execAndGet("PRAGMA user_version").getInt(); }
 

@@ -90,8 +90,8 @@
 -- Times are milliseconds since 1970-01-01 UTC: for people, and never for an order or a decision.
 -- Booleans are 0 and 1. Text columns named *_json hold canonical JSON.
 
--- "MyoG": how a store is told from other databases.
-PRAGMA application_id = 0x4d796f47;
+-- "MyGr": how a store is told from other databases.
+PRAGMA application_id = 0x4d794772;
 
 -- The store itself.
 

@@ -234,7 +234,10 @@ class Board {
       for (const DisqualifiedRow& row : board->disqualified) {
         absl::StrAppend(&text, "out: ", row.source.submission, "\n");
       }
-      EXPECT_TRUE(board->damaged.empty());
+      const absl::StatusOr<TrackPtr> track = TrackAt(reader, live_, before_ms);
+      if (!track.ok()) return track.status();
+      const auto source = SourceOf(reader, **track, {.before_ms = before_ms});
+      EXPECT_TRUE(source.ok() && source->damaged.empty());
       return absl::OkStatus();
     });
     return text;

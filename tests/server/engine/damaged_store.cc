@@ -56,7 +56,6 @@ std::string BoardText(ReaderPool& readers, const std::string& config) {
                       row.source.aggregate.dump(), "\n");
     }
     for (const Damage& damage : damaged) absl::StrAppend(&text, DamageText(damage), "\n");
-    for (const Damage& damage : board->damaged) absl::StrAppend(&text, DamageText(damage), "\n");
     return absl::OkStatus();
   }));
   return text;
