@@ -4,10 +4,15 @@
 #include "policies/baseline/juggler.h"
 #include "policies/baseline/parameter_file.h"
 
-int main() {
-  using namespace myograde::baseline;
+namespace myograde::baseline {
+
+static int Run() {
   return RunBaseline([] {
     return BaselinePolicy<Juggler, kJugglerObservation, kHandActions>(
         "baoding", ReadNumbers("baoding.json", JugglerParameters()));
   });
 }
+
+}  // namespace myograde::baseline
+
+int main() { return myograde::baseline::Run(); }

@@ -4,10 +4,15 @@
 #include "policies/baseline/parameter_file.h"
 #include "policies/baseline/tagger.h"
 
-int main() {
-  using namespace myograde::baseline;
+namespace myograde::baseline {
+
+static int Run() {
   return RunBaseline([] {
     return BaselinePolicy<Tagger, kWholeObservation, kWholeMuscles>(
         "chasetag", ReadNumbers("chasetag.json", TaggerParameters()));
   });
 }
+
+}  // namespace myograde::baseline
+
+int main() { return myograde::baseline::Run(); }

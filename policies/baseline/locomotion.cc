@@ -42,11 +42,12 @@ class WalkerPolicy : public BaselinePolicy<Walker, kWalkerObservation, kWalkerAc
   }
 };
 
-}  // namespace
-}  // namespace myograde::baseline
-
-int main() {
-  using namespace myograde::baseline;
+int Run() {
   return RunBaseline(
       [] { return WalkerPolicy("locomotion", ReadWalkerNumbers("locomotion.json")); });
 }
+
+}  // namespace
+}  // namespace myograde::baseline
+
+int main() { return myograde::baseline::Run(); }

@@ -4,10 +4,15 @@
 #include "policies/baseline/reacher.h"
 #include "policies/baseline/reacher_parameters.h"
 
-int main() {
-  using namespace myograde::baseline;
+namespace myograde::baseline {
+
+static int Run() {
   return RunBaseline([] {
     return BaselinePolicy<Reacher, kReacherObservation, kReacherAction>(
         "manipulation", ReadReacherPlan("manipulation.json"));
   });
 }
+
+}  // namespace myograde::baseline
+
+int main() { return myograde::baseline::Run(); }

@@ -6,10 +6,15 @@
 #include "policies/baseline/parameter_file.h"
 #include "policies/baseline/reacher_parameters.h"
 
-int main() {
-  using namespace myograde::baseline;
+namespace myograde::baseline {
+
+static int Run() {
   return RunBaseline([] {
     return BaselinePolicy<Carrier, kCarrierObservation, kArmMuscles>(
         "relocation", MakeCarrierPlan(ReadNumbers("relocation.json", CarrierParameters())));
   });
 }
+
+}  // namespace myograde::baseline
+
+int main() { return myograde::baseline::Run(); }

@@ -3,10 +3,15 @@
 #include "policies/baseline/baseline_policy.h"
 #include "policies/baseline/turner.h"
 
-int main() {
-  using namespace myograde::baseline;
+namespace myograde::baseline {
+
+static int Run() {
   return RunBaseline([] {
     return BaselinePolicy<Turner, kTurnerObservation, kHandActions>(
         "reorientation", ReadTurns("reorientation.json"));
   });
 }
+
+}  // namespace myograde::baseline
+
+int main() { return myograde::baseline::Run(); }

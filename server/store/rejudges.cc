@@ -244,7 +244,7 @@ absl::StatusOr<RejudgeRow> Rejudges::Add(const NewRejudge& rejudge, const SignDo
   RETURN_IF_ERROR(content.AddConfig(rejudge.to_config, track, profile, rejudge.to_config_json));
   RETURN_IF_ERROR(content.AddSeedList(rejudge.seeds, rejudge.seed_count, rejudge.seeds_json));
   const auto& earlier = Board().rejudges();
-  RejudgeRow row = rejudge;
+  RejudgeRow row = static_cast<const RejudgeRow&>(rejudge);
   row.id = earlier.empty() ? 1 : earlier.rbegin()->first + 1;
   RETURN_IF_ERROR(AddEvent(row, RejudgeEvent::kCreated, rejudge.why, sign, who).status());
   return *Board().Rejudge(row.id);

@@ -105,6 +105,7 @@ class StoredColumn {
  public:
   StoredColumn(SQLite::Statement& select, int column) : value_(select.getColumn(column)) {}
 
+  // NOLINTBEGIN(google-explicit-constructor): a member is initialized by it
   operator int64_t() const;      // from 0 to 2^53: no id, count or time is larger
   operator uint64_t() const;     // from 0 to 2^63 - 1: a seed
   operator double() const;       // stored as thousandths
@@ -120,6 +121,7 @@ class StoredColumn {
   operator Value() const {
     return Named<Value>(ParseEnum<Value>);
   }
+  // NOLINTEND(google-explicit-constructor)
 
  private:
   [[noreturn]] void Fail(std::string_view problem) const;

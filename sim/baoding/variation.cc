@@ -83,11 +83,11 @@ TargetPath DrawFirstPath(const BaodingRules& rules) {
 
 BallVariation DrawBallVariation(const BaodingRules& rules, const BallScene& scene,
                                 NumpyGenerator& generator) {
-  using namespace baoding;
+  using baoding::DrawFrom;
   BallVariation variation;
-  variation.path.direction = DrawDirection(generator);
-  variation.path.start_angle = generator.Uniform(0, 2 * kPi);
-  DrawRadii(rules, variation.path, generator);
+  variation.path.direction = baoding::DrawDirection(generator);
+  variation.path.start_angle = generator.Uniform(0, 2 * baoding::kPi);
+  baoding::DrawRadii(rules, variation.path, generator);
   variation.path.period = DrawFrom(rules.period_s, generator);
   for (double& mass : variation.masses) mass = DrawFrom(rules.mass_kg, generator);
   for (Eigen::Vector3d& friction : variation.frictions) {

@@ -21,8 +21,8 @@ class FlaggedEnvironment : public MuscleEnvironment {
         joint_ranges_(*model_) {}
 
   // As MuscleEnvironment::BeginEpisode.
-  void BeginEpisode(TrackFacts nothing_measured) {
-    MuscleEnvironment::BeginEpisode(std::move(nothing_measured));
+  void BeginEpisode(const TrackFacts& nothing_measured) {
+    MuscleEnvironment::BeginEpisode(nothing_measured);
     solved_time_.reset();
   }
 

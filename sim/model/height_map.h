@@ -39,8 +39,8 @@ struct HeightGrid {
   // Truncates towards zero to a row or column that has a next one. Clamped before the conversion,
   // so that no number is too large for it.
   static int Index(double at, double pitch, int count) {
-    return static_cast<int>(
-        std::clamp(at / pitch + count / 2, 0.0, static_cast<double>(count - 2)));
+    const int middle = count / 2;
+    return static_cast<int>(std::clamp(at / pitch + middle, 0.0, static_cast<double>(count - 2)));
   }
   int Row(double y) const { return Index(y, row_pitch, rows); }
   int Column(double x) const { return Index(x, column_pitch, columns); }
@@ -58,8 +58,8 @@ inline void OfficialHeightMap(const HeightGrid& grid, const Pose& pose, std::spa
       const Eigen::Vector2d ahead_and_left(kOffsets[kHeightMapSize - 1 - i],
                                            kOffsets[kHeightMapSize - 1 - j]);
       const Eigen::Vector2d at = turn * ahead_and_left * grid.view + pose.place;
-      out[kHeightMapSize * i + j] =
-          grid.heights[static_cast<size_t>(grid.Row(at.y()) * grid.columns + grid.Column(at.x()))];
+      const int cell = grid.Row(at.y()) * grid.columns + grid.Column(at.x());
+      out[kHeightMapSize * i + j] = grid.heights[static_cast<size_t>(cell)];
     }
   }
 }

@@ -16,11 +16,11 @@ MuscleEnvironment::MuscleEnvironment(int physics_steps, const EpisodeRules& rule
       data_(std::move(data)),
       physics_steps_(physics_steps) {}
 
-void MuscleEnvironment::BeginEpisode(TrackFacts nothing_measured) {
+void MuscleEnvironment::BeginEpisode(const TrackFacts& nothing_measured) {
   Forward(*model_, *data_);
   Forward(*model_, *data_);
   facts_ = EpisodeFacts{};
-  facts_.track = std::move(nothing_measured);
+  facts_.track = nothing_measured;
   measured_steps_ = 0;
   CopyState(*model_, *data_, state_);
 }

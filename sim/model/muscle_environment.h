@@ -43,7 +43,7 @@ class MuscleEnvironment : public Environment {
 
   // The end of a reset, which placed the model in `data`: evaluates the state twice, as the official
   // code does, and clears the facts.
-  void BeginEpisode(TrackFacts nothing_measured);
+  void BeginEpisode(const TrackFacts& nothing_measured);
 
   // Adds the state after a step to facts_. Sets `ended`, and the facts' end with it.
   virtual void Measure(StepResult& result) = 0;

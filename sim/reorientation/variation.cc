@@ -49,7 +49,7 @@ double BoundingRadius(const mjModel& model, int geom) {
 }  // namespace reorientation
 
 absl::StatusOr<DieScene> FindDieScene(const mjModel& model, mjData& data) {
-  using namespace reorientation;
+  using reorientation::OfGeoms;
   Finder find(model);
   DieScene scene;
   scene.die_body = find.Find(mjOBJ_BODY, "Object");
@@ -60,7 +60,7 @@ absl::StatusOr<DieScene> FindDieScene(const mjModel& model, mjData& data) {
   scene.first_geom = model.body_geomadr[scene.die_body];
   RETURN_IF_ERROR(find.Check("reorientation"));
   if (model.nq != 29 || model.nv != 29 || model.nu != 39 || model.na != 39 ||
-      model.body_geomnum[scene.die_body] != kGeoms ||
+      model.body_geomnum[scene.die_body] != reorientation::kGeoms ||
       mj_name2id(&model, mjOBJ_JOINT, "pro_sup") != 0 ||
       mj_name2id(&model, mjOBJ_JOINT, "OBJTx") != 23) {
     return absl::InternalError("the hand's model does not have the expected joints and muscles");
@@ -69,7 +69,7 @@ absl::StatusOr<DieScene> FindDieScene(const mjModel& model, mjData& data) {
   mj_forward(&model, &data);
   scene.goal_position = SiteOf(data, scene.goal_site);
   scene.goal_offset = scene.goal_position - SiteOf(data, scene.die_site);
-  scene.goal_size = Vector3d::Map(model.geom_size + 3 * scene.goal_geom);
+  scene.goal_size = Eigen::Vector3d::Map(model.geom_size + 3 * scene.goal_geom);
   scene.positions = OfGeoms(model.geom_pos, scene.first_geom);
   scene.sizes = OfGeoms(model.geom_size, scene.first_geom);
   scene.friction = OfGeoms(model.geom_friction, scene.first_geom);
@@ -97,7 +97,8 @@ DieVariation DrawDieVariation(const ReorientationRules& rules, const DieScene& s
 
 void ApplyDieVariation(const DieVariation& variation, const ReorientationRules& rules,
                        const DieScene& scene, mjModel& model, mjData& data) {
-  using namespace reorientation;
+  using Eigen::Vector3d;
+  using reorientation::kGeoms;
   Vector3d::Map(model.body_pos + 3 * scene.goal_body) = variation.goal_position;
   Eigen::Vector4d::Map(model.body_quat + 4 * scene.goal_body) =
       OfficialQuaternion(variation.goal_rotation);
@@ -105,12 +106,12 @@ void ApplyDieVariation(const DieVariation& variation, const ReorientationRules& 
   model.body_mass[scene.die_body] = variation.mass;
   Vector3d::Map(model.geom_size + 3 * scene.goal_geom) =
       scene.goal_size.array() + variation.size_change;
-  ResizeGeoms(variation.size_change, scene, model);
+  reorientation::ResizeGeoms(variation.size_change, scene, model);
   for (int geom = scene.first_geom; geom < scene.first_geom + kGeoms; ++geom) {
-    if (!rules.bounding_radius_fixed) model.geom_rbound[geom] = BoundingRadius(model, geom);
+    if (!rules.bounding_radius_fixed) model.geom_rbound[geom] = reorientation::BoundingRadius(model, geom);
   }
   if (!rules.inertia_fixed) {
-    const double half_edge = kInertialHalfEdge + variation.size_change;
+    const double half_edge = reorientation::kInertialHalfEdge + variation.size_change;
     Vector3d::Map(model.body_inertia + 3 * scene.die_body) =
         Vector3d::Constant(variation.mass * 2 / 3 * half_edge * half_edge);
     mj_setConst(&model, &data);

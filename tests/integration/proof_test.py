@@ -30,6 +30,7 @@ def flip(path, place, bit=1):
 
 
 class Proof(SystemTest):
+    references = TRACKS
     tracks = {f"short-{track}": short_config(track) for track in TRACKS}
 
     @classmethod

@@ -233,7 +233,7 @@ absl::StatusOr<DryReport> Examine(const DryRunOptions& options, const Client& cl
   const Artefact& artefact = order.artefact;
   report.answered = AskAcceptance(
       client,
-      {options, artefact.digest, artefact.manifest.runtimes, order.track->config.hash}, findings);
+      {static_cast<const SubmitOptions&>(options), artefact.digest, artefact.manifest.runtimes, order.track->config.hash}, findings);
   if (playable) {
     PlayDryEpisode(order, episodes, report);
   } else {

@@ -71,7 +71,7 @@ class SlurmExecutor::Lease : public RunnerProcess {
   bool finished() override { return RunnerProcess::finished() && lost().empty(); }
   bool begun() const override { return begun_; }
   std::string lost() const override { return here_.lost; }
-  RunnerSite site() const override { return here_; }
+  RunnerSite site() const override { return static_cast<const RunnerSite&>(here_); }
 
   // Why no job can be had for it; "": it has one, or waits for one.
   const std::string& trouble() const { return here_.trouble; }
