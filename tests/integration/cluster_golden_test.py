@@ -16,6 +16,7 @@ PAUSE_S = 4
 
 
 class Killed(slurm_test.OnSlurm):
+    references = TRACKS
     tracks = {f"golden-{track}": track_config(track, episodes_per_lease=2) for track in TRACKS}
     slurm_options = {"queue_wait_s": 600}
 
