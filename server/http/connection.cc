@@ -22,7 +22,8 @@ namespace {
 
 namespace asio = boost::asio;
 using asio::awaitable;
-using asio::experimental::awaitable_operators::operator||;
+// clang-tidy does not see where an operator is used.
+using asio::experimental::awaitable_operators::operator||;  // NOLINT(misc-unused-using-decls)
 using boost::system::error_code;
 
 constexpr auto kAwait = asio::as_tuple(asio::use_awaitable);
