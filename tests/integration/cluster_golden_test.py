@@ -8,8 +8,7 @@ import time
 import unittest
 
 import slurm_test
-from proof_test import GOLDEN, TRACKS
-from system import track_config
+from proof_test import GOLDEN, TRACKS, short_config
 
 PLAY_S = 1200
 PAUSE_S = 4
@@ -17,7 +16,7 @@ PAUSE_S = 4
 
 class Killed(slurm_test.OnSlurm):
     references = TRACKS
-    tracks = {f"golden-{track}": track_config(track, episodes_per_lease=2) for track in TRACKS}
+    tracks = {f"golden-{track}": short_config(track, episodes_per_lease=2) for track in TRACKS}
     slurm_options = {"queue_wait_s": 600}
 
     def golden(self, track):
