@@ -40,7 +40,8 @@ class Daemon:
 
     It uses the programs of the folder `programs` and a copy of the configs of the checkout
     `source`, which may be changed until it starts. Root may name an ordinary `user` to run it as.
-    It grades ranked submissions of the environments `references`. Not started yet; close() stops it and removes the folder, as does the end of a `with`.
+    It grades ranked submissions of the environments `references`. Not started yet; close() stops it
+    and removes the folder, as does the end of a `with`.
     """
 
     def __init__(self, programs, source, name="test", user=None, references=REFERENCES):

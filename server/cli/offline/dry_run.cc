@@ -231,9 +231,10 @@ absl::StatusOr<DryReport> Examine(const DryRunOptions& options, const Client& cl
   if (taken.ok()) findings.push_back(ProgramFinding(options.path, order));
   const bool playable = FindWorst(findings) == FindingState::kOk;
   const Artefact& artefact = order.artefact;
-  report.answered = AskAcceptance(
-      client,
-      {static_cast<const SubmitOptions&>(options), artefact.digest, artefact.manifest.runtimes, order.track->config.hash}, findings);
+  report.answered = AskAcceptance(client,
+                                  {static_cast<const SubmitOptions&>(options), artefact.digest,
+                                   artefact.manifest.runtimes, order.track->config.hash},
+                                  findings);
   if (playable) {
     PlayDryEpisode(order, episodes, report);
   } else {

@@ -19,8 +19,8 @@ using scoring::TeamRule;
 constexpr scoring::TieredBoard kTiered;
 constexpr scoring::Metric kMetrics[] = {
     {.name = "time_s", .title = "time", .unit = "s", .ranked = true},
-    {.name = "effort", .title = "effort", .unit = "", .ranked = true},
-    {.name = "pain", .title = "pain", .unit = ""}};
+    {.name = "pain", .title = "pain", .unit = ""},  // one that is not ranked does not end the list
+    {.name = "effort", .title = "effort", .unit = "", .ranked = true}};
 
 const scoring::TrackScoring& Scoring() {
   static const scoring::ScoredTrack kTrack = {

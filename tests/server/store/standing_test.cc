@@ -30,7 +30,8 @@ class StandingTest : public StoreTest {
     const absl::Status status = Write([&](Transaction& writer) {
       absl::Status written = writer.evaluations.End(accepted.evaluation, EvaluationState::kDone, "",
                                                   std::string(64, 'e'), "daemon");
-      written.Update(writer.episodes.SetStanding(accepted.evaluation, nlohmann::json::parse(kAggregate)));
+      written.Update(writer.episodes.SetStanding(accepted.evaluation,
+                                                 nlohmann::json::parse(kAggregate)));
       return written;
     });
     ASSERT_TRUE(status.ok()) << status;
