@@ -11,6 +11,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/artefact/adapters.h"
 #include "server/base/counted.h"
+#include "server/base/error_code.h"
 #include "server/engine/stored.h"
 #include "server/proof/grader_build.h"
 

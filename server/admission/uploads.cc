@@ -19,6 +19,7 @@
 #include "server/artefact/adapters.h"
 #include "server/artefact/share_files.h"
 #include "server/artefact/unpack_process.h"
+#include "server/base/error_code.h"
 #include "server/base/names.h"
 #include "server/engine/stored.h"
 #include "server/sandbox/program.h"

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "server/access/identity.h"
+#include "server/base/error_code.h"
 #include "server/base/plain_text.h"
 
 namespace myograde::server {

@@ -12,6 +12,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/api/negotiation.h"
+#include "server/base/error_code.h"
 #include "server/challenge/phases.h"
 
 namespace myograde::server {

@@ -8,6 +8,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/api/readiness.h"
+#include "server/base/error_code.h"
 #include "server/base/ip_address.h"
 #include "server/proof/grader_build.h"
 #include "server/runtime/runtimes.h"

@@ -19,6 +19,7 @@
 #include "server/api/kept_boards.h"
 #include "server/api/negotiation.h"
 #include "server/api/redaction.h"
+#include "server/base/error_code.h"
 #include "server/grading/results.h"
 #include "server/pictures/packing.h"
 #include "server/pictures/pictures.h"

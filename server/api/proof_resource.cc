@@ -17,6 +17,7 @@
 #include "server/api/redaction.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
+#include "server/base/error_code.h"
 #include "server/engine/stored.h"
 #include "server/grading/results.h"
 #include "server/proof/receipt.h"
@@ -24,7 +25,6 @@
 #include "server/proof/seed_list.h"
 #include "server/store/damage.h"
 #include "server/store/journal.h"
-#include "server/store/quota.h"
 
 namespace myograde::server {
 namespace {

@@ -8,8 +8,8 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/api/caller.h"
+#include "server/base/error_code.h"
 #include "server/challenge/phases.h"
-#include "server/store/quota.h"
 
 namespace myograde::server {
 namespace {

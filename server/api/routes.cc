@@ -14,10 +14,10 @@
 #include "server/api/caller.h"
 #include "server/api/negotiation.h"
 #include "server/api/resources.h"
+#include "server/base/error_code.h"
 #include "server/base/log_line.h"
 #include "server/http/http_server.h"
 #include "server/store/damage.h"
-#include "server/store/quota.h"
 
 namespace myograde::server {
 namespace {

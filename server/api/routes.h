@@ -31,7 +31,7 @@ struct ApiAnswer {
 using ApiResult = absl::StatusOr<ApiAnswer>;
 
 // The entry of README.md's table of errors for a status: by its code (ErrorCodeOf of
-// store/quota.h) if it has one, otherwise by its kind.
+// base/error_code.h) if it has one, otherwise by its kind.
 ApiError ToApiError(const absl::Status& status);
 // 503 `busy`, to be asked again after so many seconds.
 absl::Status Busy(std::string_view message, int64_t retry_after_s);

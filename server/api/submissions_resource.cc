@@ -11,12 +11,12 @@
 #include <absl/strings/str_cat.h>
 
 #include "server/api/redaction.h"
+#include "server/base/error_code.h"
 #include "server/base/names.h"
 #include "server/base/ip_address.h"
 #include "server/grading/leaderboard.h"
 #include "server/http/http_server.h"
 #include "server/store/damage.h"
-#include "server/store/quota.h"
 
 namespace myograde::server {
 namespace {

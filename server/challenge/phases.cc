@@ -17,6 +17,7 @@
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/seed_commitment.h"
 #include "protocol/lease/track_config.h"
+#include "server/base/error_code.h"
 #include "server/challenge/markdown.h"
 #include "server/proof/seed_list.h"
 

@@ -44,7 +44,7 @@ class Phases {
   static absl::StatusOr<Phases> Make(std::vector<ChallengeConfig> challenges, const Tracks& tracks,
                                      const SecretOfPhase& secret_of);
 
-  // NotFoundError with the code "unknown_phase" (ErrorCodeOf of store/quota.h) lists those that
+  // NotFoundError with the code "unknown_phase" (ErrorCodeOf of base/error_code.h) lists those that
   // there are.
   absl::StatusOr<PhasePtr> Find(const std::string& name) const;
   // What the files say of a phase; nullptr: there is none of that name.

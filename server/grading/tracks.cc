@@ -10,7 +10,7 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/practice_seeds.h"
-#include "server/store/quota.h"
+#include "server/base/error_code.h"
 #include "server/store/store.h"
 
 namespace myograde::server {

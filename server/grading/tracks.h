@@ -42,7 +42,7 @@ class Tracks {
   static absl::StatusOr<Tracks> Load(const std::string& dir);
 
   // `profile` "" is the track's default. NotFoundError with the code "unknown_track" or
-  // "unknown_profile" (ErrorCodeOf in store/quota.h) lists what exists.
+  // "unknown_profile" (ErrorCodeOf in base/error_code.h) lists what exists.
   absl::StatusOr<TrackPtr> Find(const std::string& track, const std::string& profile) const;
 
   struct Entry {

@@ -2,8 +2,8 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "server/base/error_code.h"
 #include "server/store/callers.h"
-#include "server/store/quota.h"
 #include "server/store/stored_row.h"
 #include "server/store/teams.h"
 

@@ -8,6 +8,7 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/policy_image.h"
+#include "server/base/error_code.h"
 #include "server/store/stored_row.h"
 #include "server/store/transaction.h"
 

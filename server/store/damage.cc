@@ -7,7 +7,7 @@
 #include <spdlog/spdlog.h>
 
 #include "protocol/base/mutex.h"
-#include "server/store/quota.h"
+#include "server/base/error_code.h"
 
 namespace myograde::server {
 namespace {

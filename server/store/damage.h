@@ -16,9 +16,6 @@
 
 namespace myograde::server {
 
-// The API's error code for a damaged row (ErrorCodeOf in quota.h).
-inline constexpr char kDamagedRowCode[] = "damaged_row";
-
 // A row that is unreadable, or missing though another one names it.
 struct Damage {
   std::string table;

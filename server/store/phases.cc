@@ -5,6 +5,7 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
+#include "server/base/error_code.h"
 #include "server/base/secret.h"
 #include "server/store/stored_row.h"
 #include "server/store/transaction.h"

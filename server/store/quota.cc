@@ -7,6 +7,7 @@
 
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
+#include "server/base/error_code.h"
 #include "server/store/stored_row.h"
 #include "server/store/teams.h"
 
@@ -14,7 +15,6 @@ namespace myograde::server {
 namespace {
 
 constexpr int64_t kDayMs = 24 * 60 * 60 * 1000;
-constexpr char kCodeKey[] = "myograde/error-code";
 
 // "1 ranked evaluation".
 std::string CountedUnits(int64_t count, Budget budget) {
@@ -108,20 +108,6 @@ absl::Status CheckQuota(const QuotaUse& use, const QuotaLimits& limits, Budget b
 absl::Status CheckFailures(const QuotaUse& use, const QuotaLimits& limits, const std::string& team,
                            const std::string& track) {
   return CheckBudget(use, limits, Budget::kFailed, team, Place(track, ""));
-}
-
-absl::Status WithErrorCode(absl::Status status, std::string_view code) {
-  status.SetPayload(kCodeKey, absl::Cord(std::string(code)));
-  return status;
-}
-
-absl::Status CodedRefusal(std::string_view code, const std::string& sentence) {
-  return WithErrorCode(absl::FailedPreconditionError(sentence), code);
-}
-
-std::string ErrorCodeOf(const absl::Status& status) {
-  const auto code = status.GetPayload(kCodeKey);
-  return code ? std::string(*code) : "";
 }
 
 void Quotas::ChargeFirstEpisode(int64_t evaluation, const std::string& why) {

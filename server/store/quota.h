@@ -71,18 +71,6 @@ absl::Status CheckQuota(const QuotaUse& use, const QuotaLimits& limits, Budget b
 absl::Status CheckFailures(const QuotaUse& use, const QuotaLimits& limits, const std::string& team,
                            const std::string& track);
 
-// Codes of things that a team or a person may not do.
-inline constexpr char kBannedCode[] = "banned";
-inline constexpr char kForbiddenCode[] = "forbidden";
-// Of an artefact whose last evaluations all ended by the grader's fault.
-inline constexpr char kHeldBackCode[] = "held_back";
-
-// Attaches the API's error code to a status, where it is not the usual one of the status code.
-absl::Status WithErrorCode(absl::Status status, std::string_view code);
-// A FailedPreconditionError with such a code.
-absl::Status CodedRefusal(std::string_view code, const std::string& sentence);
-std::string ErrorCodeOf(const absl::Status& status);  // "" if it has none
-
 // Extra units for a team, for the store's current day and in total.
 struct NewGrant {
   std::string team;

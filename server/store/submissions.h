@@ -38,9 +38,6 @@ struct RequestKey {
   std::string request = "";  // SHA-256 of everything that it asks for
 };
 
-// The API's error code (ErrorCodeOf in quota.h) for a key that came with another request before.
-inline constexpr char kKeyReusedCode[] = "idempotency_mismatch";
-
 // A key is kept for this long, and of one caller the newest of these.
 inline constexpr absl::Duration kKeyAge = absl::Hours(24);
 inline constexpr int64_t kKeysOfOne = 1000;

@@ -9,9 +9,9 @@
 
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
+#include "server/base/error_code.h"
 #include "server/base/names.h"
 #include "server/store/connection.h"
-#include "server/store/quota.h"
 #include "server/store/stored_row.h"
 
 namespace myograde::server {

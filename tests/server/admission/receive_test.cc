@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "server/base/error_code.h"
 #include "tests/server/admission/admission_world.h"
 
 namespace myograde::server {

@@ -10,6 +10,7 @@
 
 #include <absl/strings/str_replace.h>
 
+#include "server/base/error_code.h"
 #include "server/engine/stored.h"
 #include "tests/server/admission/admission_world.h"
 

@@ -16,6 +16,7 @@
 
 #include "protocol/base/sha256.h"
 #include "protocol/lease/seed_commitment.h"
+#include "server/base/error_code.h"
 #include "server/proof/seed_list.h"
 #include "tests/server/challenge/challenge_world.h"
 

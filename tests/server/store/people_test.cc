@@ -7,6 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/base/error_code.h"
 #include "tests/server/store/people_fixture.h"
 
 namespace myograde::server {

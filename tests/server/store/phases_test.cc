@@ -4,6 +4,7 @@
 #include <absl/strings/str_cat.h>
 #include <gmock/gmock.h>
 
+#include "server/base/error_code.h"
 #include "tests/server/store/store_fixture.h"
 
 namespace myograde::server {

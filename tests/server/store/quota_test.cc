@@ -1,4 +1,5 @@
 // Quotas: what is charged, refunded and rejected; the limits of one artefact; marks.
+#include "server/base/error_code.h"
 #include "server/store/quota.h"
 
 #include <map>

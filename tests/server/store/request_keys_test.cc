@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/base/error_code.h"
 #include "store_fixture.h"
 
 namespace myograde::server {

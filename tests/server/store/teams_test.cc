@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/base/error_code.h"
 #include "tests/server/store/store_fixture.h"
 
 namespace myograde::server {
