@@ -55,23 +55,7 @@ void AddOtherConfigs(const Transaction& reader, const BoardQuery& asked, Json& j
                                      {"to", TimeToJson(other.last_at)},
                                      {"in_force", other.config == asked.config_in_force}});
   }
-}
-
-Json BoardToJson(const Leaderboard& board) {
-  Json rows = Json::array();
-  for (const LeaderboardRow& row : board.rows) rows.push_back(RowToJson(row));
-  Json disqualified = Json::array();
-  for (const DisqualifiedRow& row : board.disqualified) {
-    disqualified.push_back({{"team", row.source.team},
-                            {"submission", row.source.submission},
-                            {"evaluation", row.source.evaluation},
-                            {"rejudge", IdOrNull(row.source.rejudge)},
-                            {"name", row.source.artefact_name},
-                            {"reason", row.mark.why},
-                            {"at", TimeToJson(row.mark.at)},
-                            {"aggregate", row.source.aggregate}});
-  }
-  return {{"rows", std::move(rows)}, {"disqualified", std::move(disqualified)}};
+  json["other_config"] = left;
 }
 
 // Adds "band" and "decided_by" of each row, and "bands", the words of each. A baseline has none.
@@ -265,19 +249,6 @@ Json ColumnsToJson(const scoring::ScoredTrack& track, const scoring::BoardSpec& 
   Json columns = Json::array();
   for (const size_t place : board.columns) columns.push_back(MetricToJson(track.metrics[place]));
   return columns;
-}
-
-Json RowToJson(const LeaderboardRow& row) {
-  return {{"rank", IdOrNull(row.ranked.rank)},
-          {"rank_by_rules", IdOrNull(row.ranked.rank)},
-          {"baseline", row.ranked.rank == 0},
-          {"team", row.source.team},
-          {"submission", row.source.submission},
-          {"evaluation", row.source.evaluation},
-          {"rejudge", IdOrNull(row.source.rejudge)},
-          {"name", row.source.artefact_name},
-          {"qualified", row.qualified},
-          {"aggregate", row.source.aggregate}};
 }
 
 absl::StatusOr<Json> BoardView(const Transaction& reader, const BoardQuery& asked,

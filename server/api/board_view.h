@@ -13,9 +13,6 @@
 
 namespace myograde::server {
 
-// A row, without what it is only beside others.
-Json RowToJson(const LeaderboardRow& row);
-
 // The numbers that the board shows beside the successes.
 Json ColumnsToJson(const scoring::ScoredTrack& track, const scoring::BoardSpec& board);
 

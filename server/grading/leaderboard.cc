@@ -100,6 +100,36 @@ absl::StatusOr<Leaderboard> MakeLeaderboard(const std::vector<StandingRow>& stan
   return board;
 }
 
+Json RowToJson(const LeaderboardRow& row) {
+  return {{"rank", IdOrNull(row.ranked.rank)},
+          {"rank_by_rules", IdOrNull(row.ranked.rank)},
+          {"baseline", row.ranked.rank == 0},
+          {"team", row.source.team},
+          {"submission", row.source.submission},
+          {"evaluation", row.source.evaluation},
+          {"rejudge", IdOrNull(row.source.rejudge)},
+          {"name", row.source.artefact_name},
+          {"qualified", row.qualified},
+          {"aggregate", row.source.aggregate}};
+}
+
+Json BoardToJson(const Leaderboard& board) {
+  Json rows = Json::array();
+  for (const LeaderboardRow& row : board.rows) rows.push_back(RowToJson(row));
+  Json disqualified = Json::array();
+  for (const DisqualifiedRow& row : board.disqualified) {
+    disqualified.push_back({{"team", row.source.team},
+                            {"submission", row.source.submission},
+                            {"evaluation", row.source.evaluation},
+                            {"rejudge", IdOrNull(row.source.rejudge)},
+                            {"name", row.source.artefact_name},
+                            {"reason", row.mark.why},
+                            {"at", TimeText(row.mark.at)},
+                            {"aggregate", row.source.aggregate}});
+  }
+  return {{"rows", std::move(rows)}, {"disqualified", std::move(disqualified)}};
+}
+
 bool HasRankedNumbers(const scoring::ScoredTrack& track, const Json& aggregate) {
   return std::ranges::all_of(track.metrics, [&](const scoring::Metric& metric) {
     return !metric.ranked || aggregate.contains(metric.name);

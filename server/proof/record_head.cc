@@ -27,6 +27,13 @@ int64_t CountIn(const Json& json, const char* key) {
   return value.get<int64_t>();
 }
 
+// The keys of `object` that are listed.
+Json Only(const Json& object, std::initializer_list<const char*> keys) {
+  Json some = Json::object();
+  for (const char* key : keys) some[key] = At(object, key);
+  return some;
+}
+
 absl::StatusOr<RecordHead> HeadOfJson(const Json& json) {
   RecordHead head;
   head.size = CountIn(json, "size");
@@ -92,6 +99,23 @@ absl::StatusOr<WithheldReceipt> CheckWithheld(const Json& json, const PublicKey&
                                             " is missing was signed for a different record"));
   }
   return read;
+}
+
+Json RecordedBoard(const Json& answer) {
+  Json kept =
+      Only(answer, {"board", "config", "phase", "track", "profile", "rules", "official_figures"});
+  kept["rows"] = kept["disqualified"] = Json::array();
+  for (const Json& row : At(answer, "rows")) {
+    kept["rows"].push_back(Only(
+        row, {"baseline", "team", "submission", "evaluation", "name", "qualified", "aggregate"}));
+    // Ranks of groups don't follow from the record.
+    kept["rows"].back()["rank"] = At(row, "rank_by_rules");
+  }
+  for (const Json& row : At(answer, "disqualified")) {
+    kept["disqualified"].push_back(Only(
+        row, {"team", "submission", "evaluation", "name", "reason", "at", "aggregate"}));
+  }
+  return kept;
 }
 
 nlohmann::json EntryProofToJson(const EntryProof& proof) {

@@ -7,6 +7,7 @@
 #include <iostream>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 
 #include "protocol/base/config_reader.h"
@@ -121,16 +122,23 @@ int ReportProof(const RecordOptions& options, const Json& proof, bool valid,
   return valid ? kDone : kNoScore;
 }
 
-// The head that the daemon signs now, to which a proof must lead.
-absl::StatusOr<RecordHead> PresentHead(const RecordOptions& options) {
-  ASSIGN_OR_RETURN(const Json answer, options.client().Get("/v1/record/head"));
-  absl::StatusOr<RecordHead> head = ParseHead(CanonicalJson(answer) + "\n");
-  if (!head.ok()) return absl::InternalError(head.status().message());
-  return head;
+absl::Status Strange(const std::string& what) {
+  return absl::InternalError(absl::StrCat("the daemon's ", what,
+                                          " has an unknown format; use the program of the "
+                                          "daemon's version"));
+}
+
+// The head that the daemon signs now, to which a proof must lead; `text`: its file.
+absl::StatusOr<RecordHead> PresentHead(const Client& client, std::string& text) {
+  ASSIGN_OR_RETURN(const Json answer, client.Get("/v1/record/head"));
+  text = CanonicalJson(answer) + "\n";
+  absl::StatusOr<RecordHead> head = ParseHead(text);
+  return head.ok() ? head : Strange("head");
 }
 
 absl::StatusOr<int> ProveEntry(const RecordOptions& options) {
-  ASSIGN_OR_RETURN(const RecordHead head, PresentHead(options));
+  std::string text;
+  ASSIGN_OR_RETURN(const RecordHead head, PresentHead(options.client(), text));
   ASSIGN_OR_RETURN(const Json json,
                    options.client().Get(absl::StrCat("/v1/record/proof?entry=", options.entry,
                                                      "&size=", std::max<int64_t>(1, head.size))));
@@ -143,13 +151,13 @@ absl::StatusOr<int> ProveEntry(const RecordOptions& options) {
 }
 
 absl::StatusOr<int> ProveSince(const RecordOptions& options) {
-  ASSIGN_OR_RETURN(const std::string text, ReadFile(options.since, kMaxHeadFile));
+  ASSIGN_OR_RETURN(std::string text, ReadFile(options.since, kMaxHeadFile));
   const absl::StatusOr<RecordHead> earlier = ParseHead(text);
   if (!earlier.ok()) {
     return absl::InvalidArgumentError(
         absl::StrCat(options.since, ": ", earlier.status().message()));
   }
-  ASSIGN_OR_RETURN(const RecordHead head, PresentHead(options));
+  ASSIGN_OR_RETURN(const RecordHead head, PresentHead(options.client(), text));
   const std::string what = absl::StrCat("The record of ", Counted(head.size, "entry", "entries"),
                                         " begins with the ", earlier->size, " of ", options.since);
   if (earlier->size > head.size) return ReportProof(options, nullptr, false, what);
@@ -173,25 +181,6 @@ absl::StatusOr<int> Prove(const RecordOptions& options) {
 constexpr int kMostRounds = 5;
 constexpr int64_t kEntriesAtOnce = 1000;
 
-absl::Status Strange(const std::string& what) {
-  return absl::InternalError(absl::StrCat("the daemon's ", what,
-                                          " has an unknown format; use the program of the "
-                                          "daemon's version"));
-}
-
-// The keys of `object` that are listed.
-Json Only(const Json& object, std::initializer_list<const char*> keys) {
-  Json some = Json::object();
-  for (const char* key : keys) some[key] = object.value(key, Json());
-  return some;
-}
-
-Json RowsOf(const Json& board, const char* list, std::initializer_list<const char*> keys) {
-  Json rows = Json::array();
-  for (const Json& row : board.value(list, Json::array())) rows.push_back(Only(row, keys));
-  return rows;
-}
-
 // Writes the public record and all that it is checked with to a folder
 // (server/cli/offline/record_folder.h says what is in it).
 class RecordExporter {
@@ -206,22 +195,21 @@ class RecordExporter {
     ASSIGN_OR_RETURN(const Json key, client_.Get("/v1/key"));
     RETURN_IF_ERROR(MakeEmptyFolder());
     for (int round = 0; round < kMostRounds; ++round) {
-      ASSIGN_OR_RETURN(const Json signed_head, client_.Get("/v1/record/head"));
-      const std::string text = CanonicalJson(signed_head) + "\n";
-      const absl::StatusOr<RecordHead> head = ParseHead(text);
-      if (!head.ok()) return Strange("head");
-      RETURN_IF_ERROR(ReadEntries(head->size));
+      std::string text;
+      ASSIGN_OR_RETURN(const RecordHead head, PresentHead(client_, text));
+      RETURN_IF_ERROR(ReadEntries(head.size));
       RETURN_IF_ERROR(WriteReceipts());
       RETURN_IF_ERROR(WriteBoards());
       // The boards are those of the record only if nothing happened meanwhile.
-      ASSIGN_OR_RETURN(const Json after, client_.Get("/v1/record/head"));
-      if (after != signed_head) continue;
+      std::string after;
+      RETURN_IF_ERROR(PresentHead(client_, after).status());
+      if (after != text) continue;
       RETURN_IF_ERROR(Write("record.jsonl", lines_));
       RETURN_IF_ERROR(Write("key.pem", TextAt(key, "key")));
       RETURN_IF_ERROR(Write("head.json", text));
       return Json{{"folder", folder_},
-                  {"size", head->size},
-                  {"root", ToHex(head->root)},
+                  {"size", head.size},
+                  {"root", ToHex(head.root)},
                   {"receipts", receipts_.size()},
                   {"withheld", withheld_.size()},
                   {"boards", boards_}};
@@ -298,7 +286,7 @@ class RecordExporter {
     const std::string config = TextAt(body, "config");
     if (!IsSha256Hex(config)) return Strange("receipt");
     configs_[config] = body.value("track_config", Json());
-    receipts_[evaluation] = true;
+    receipts_.insert(evaluation);
     return Write(absl::StrCat("receipts/", evaluation, ".json"), CanonicalJson(receipt) + "\n");
   }
 
@@ -317,7 +305,6 @@ class RecordExporter {
     return Write("withheld.json", CanonicalJson({{"receipts", withheld_}}) + "\n");
   }
 
-  // What follows from the record is kept, and nothing else, so that every byte can be checked.
   absl::Status WriteBoard(const std::string& hash, const Json& config, const std::string& board) {
     const std::string phase = TextAt(config, "phase");
     const std::string which = phase.empty()
@@ -327,16 +314,9 @@ class RecordExporter {
     ASSIGN_OR_RETURN(const Json answer,
                      client_.Get(absl::StrCat("/v1/leaderboard?", which,
                                               "&board=", QueryValue(board), "&config=", hash)));
-    Json kept =
-        Only(answer, {"board", "config", "phase", "track", "profile", "rules", "official_figures"});
-    kept["rows"] = RowsOf(
-        answer, "rows",
-        {"rank", "baseline", "team", "submission", "evaluation", "name", "qualified", "aggregate"});
-    kept["disqualified"] =
-        RowsOf(answer, "disqualified",
-               {"team", "submission", "evaluation", "name", "reason", "at", "aggregate"});
     ++boards_;
-    return Write(absl::StrCat("boards/", hash, ".", board, ".json"), CanonicalJson(kept) + "\n");
+    return Write(absl::StrCat("boards/", hash, ".", board, ".json"),
+                 CanonicalJson(RecordedBoard(answer)) + "\n");
   }
 
   absl::Status WriteBoards() {
@@ -361,7 +341,7 @@ class RecordExporter {
   std::string lines_;                           // of record.jsonl
   std::map<int64_t, Json> graded_;              // entries with results, by evaluation
   std::map<std::string, Json> configs_;         // as receipts show them, by hash
-  std::map<int64_t, bool> receipts_;            // evaluations that have one here
+  std::set<int64_t> receipts_;                  // evaluations that have one here
   Json withheld_ = Json::array();
   int64_t boards_ = 0;
 };

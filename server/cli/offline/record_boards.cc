@@ -14,6 +14,7 @@
 #include "server/grading/leaderboard.h"
 #include "server/grading/results.h"
 #include "server/proof/receipt.h"
+#include "server/proof/record_head.h"
 
 namespace myograde::server {
 namespace {
@@ -48,28 +49,6 @@ void TakeNumbersOfFacts(const scoring::ScoredTrack& track, const Json& said, Jso
     const Json spread = said.value("spread", Json());
     if (spread.is_object() && spread.contains(name)) aggregate["spread"][name] = spread[name];
   }
-}
-
-Json BoardRowJson(const LeaderboardRow& row) {
-  const bool baseline = row.ranked.rank == 0;
-  return {{"rank", baseline ? Json() : Json(row.ranked.rank)},
-          {"baseline", baseline},
-          {"team", row.source.team},
-          {"submission", row.source.submission},
-          {"evaluation", row.source.evaluation},
-          {"name", row.source.artefact_name},
-          {"qualified", row.qualified},
-          {"aggregate", row.source.aggregate}};
-}
-
-Json DisqualifiedJson(const DisqualifiedRow& row) {
-  return {{"team", row.source.team},
-          {"submission", row.source.submission},
-          {"evaluation", row.source.evaluation},
-          {"name", row.source.artefact_name},
-          {"reason", row.mark.why},
-          {"at", TimeText(row.mark.at)},
-          {"aggregate", row.source.aggregate}};
 }
 
 absl::StatusOr<std::vector<StandingRow>> ListStandings(
@@ -152,22 +131,15 @@ absl::StatusOr<std::string> BoardText(const BoardState& record,
   ASSIGN_OR_RETURN(const Leaderboard made,
                    MakeLeaderboard(standings, marks, spec->second.rules, config.scoring));
   const Json rules = config.config["scoring"].value("boards", Json::object());
-  Json rows = Json::array();
-  for (const LeaderboardRow& row : made.rows) rows.push_back(BoardRowJson(row));
-  Json disqualified = Json::array();
-  for (const DisqualifiedRow& row : made.disqualified) {
-    disqualified.push_back(DisqualifiedJson(row));
-  }
-  return CanonicalJson({{"board", board},
-                        {"config", hash},
-                        {"phase", TextOrNull(TextAt(config.config, "phase"))},
-                        {"track", TextAt(config.config, "id")},
-                        {"profile", TextAt(config.config, "profile")},
-                        {"rules", rules.value(board, Json::object())},
-                        {"official_figures", config.scoring.official_figures},
-                        {"rows", std::move(rows)},
-                        {"disqualified", std::move(disqualified)}}) +
-         "\n";
+  Json answer = BoardToJson(made);
+  answer.update({{"board", board},
+                 {"config", hash},
+                 {"phase", TextOrNull(TextAt(config.config, "phase"))},
+                 {"track", TextAt(config.config, "id")},
+                 {"profile", TextAt(config.config, "profile")},
+                 {"rules", rules.value(board, Json::object())},
+                 {"official_figures", config.scoring.official_figures}});
+  return CanonicalJson(RecordedBoard(answer)) + "\n";
 }
 
 std::string FirstDifference(const std::string& found, const std::string& expected) {

@@ -151,6 +151,13 @@ class Groups(CloseCase):
         self.assertEqual([row["rank_by_rules"] for row in board["rows"]], [1, 2, 3])
         self.assertEqual([row["rank"] for row in self.get(STATISTICS)["rows"]], [1, 1, 3])
         self.assertEqual(board["config"], before["config"], "no result depends on it")
+        # The record has what follows from the rules.
+        folder = self.folder / "record"
+        self.cli("proof", "record", "export", folder)
+        told = self.daemon.run_verb("verify", "--all", folder, "--key", folder / "key.pem", "--json",
+                                    timeout_s=60, text=True)
+        answer = json.loads(told.stdout)
+        self.assertTrue(answer["valid"], answer["checks"])
 
     def test_of_the_board_of_a_moment(self):
         at = moment()
