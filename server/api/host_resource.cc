@@ -12,7 +12,7 @@
 #include "server/base/ip_address.h"
 #include "server/proof/grader_build.h"
 #include "server/runtime/runtimes.h"
-#include "server/store/migration.h"
+#include "server/store/store.h"
 
 namespace myograde::server {
 namespace {
@@ -66,7 +66,7 @@ Json HostToJson(const ApiContext& context, const LiveHealth& health) {
           {"closed_slots", std::move(closed)},
           // A store that can't be read is told of elsewhere.
           {"held_back", held_back.value_or(std::vector<std::string>())},
-          {"schema", SchemaMigrations().size()},
+          {"schema", SchemaVersion()},
           {"pid", getpid()},
           {"data", context.data_dir},
           {"started_at", TimeToJson(absl::ToUnixMillis(context.started_at))},

@@ -13,7 +13,7 @@
 #include "server/metrics/metrics.h"
 #include "server/proof/grader_build.h"
 #include "server/scheduler/team_line.h"
-#include "server/store/migration.h"
+#include "server/store/store.h"
 
 namespace myograde::server {
 namespace {
@@ -97,7 +97,7 @@ void AddHostMetrics(const ApiContext& context, const LiveHealth& health, Familie
   AddGauges<int>(families, "myograde_build_info", "1, with the version of the daemon", "version",
                  {{std::string(GraderVersion()), 1}});
   families.back().metric.back().label.push_back(
-      {"schema", absl::StrCat(SchemaMigrations().size())});
+      {"schema", absl::StrCat(SchemaVersion())});
   AddGauge(families, "myograde_start_time_seconds",
            "When the daemon started, in seconds since 1970",
            absl::ToDoubleSeconds(context.started_at - absl::UnixEpoch()));

@@ -1,15 +1,15 @@
-// SQLite connections, SQLite's errors as status values, and copies of a whole store as one file.
-// Internal to the store.
+// SQLite connections, the schema that a store is brought to when it is opened, SQLite's errors as
+// status values, and copies of a whole store as one file. Internal to the store.
 #pragma once
 
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <absl/status/statusor.h>
 
-#include "server/store/migration.h"
 #include "server/store/stored_row.h"
 
 namespace myograde::server {
@@ -25,9 +25,22 @@ absl::Status StatusOf(const std::string& path, const SQLite::Exception& error);
 // Runs `body` and converts what it throws into such a status.
 absl::Status GuardSqlite(const std::string& path, const std::function<absl::Status()>& body);
 
+// Entry i brings a store from schema i (PRAGMA user_version) to i + 1. The first is schema.sql,
+// which documents the tables, the states and the invariants.
+using Migrations = std::span<const char* const>;
+Migrations SchemaMigrations();
+
+// Copies that are kept: of the stores before the latest two migrations.
+inline constexpr int kKeptCopies = 2;
+
+// The copy that is kept of a store at `path` of this schema.
+std::string CopyBeforeMigration(const std::string& path, int schema);
+
 // Opens the store at `path` for writing: creates it (0600) if it is missing, sets WAL,
-// synchronous=FULL and foreign keys, and migrates it to the newest schema; errors also as in
-// migration.h.
+// synchronous=FULL and foreign keys, and migrates it one version at a time, each in one transaction.
+// An existing one is first copied to CopyBeforeMigration() (0600); without that copy, nothing changes.
+// FailedPreconditionError: the file is no store, or one from before the first release, or its schema
+// is newer than these; the message then names the newest copy that can be opened.
 absl::StatusOr<std::unique_ptr<SQLite::Database>> OpenForWriting(
     const std::string& path, Migrations migrations = SchemaMigrations());
 

@@ -1,5 +1,5 @@
 -- The store of a MyoGrade daemon, version 1 (PRAGMA user_version). A change of it is a further file
--- beside this one, applied after it in a transaction of its own (migration.h).
+-- beside this one, applied after it in a transaction of its own (connection.h).
 --
 -- Content never changes and is found by its hash:
 --   artefact         what was submitted (its files lie in DATA/artefacts/HASH)

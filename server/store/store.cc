@@ -41,6 +41,8 @@ constexpr size_t kKept = 8;
 
 }  // namespace
 
+int SchemaVersion() { return static_cast<int>(SchemaMigrations().size()); }
+
 Store::Store(std::string path, std::unique_ptr<SQLite::Database> db, const Clock& clock)
     : path_(std::move(path)), db_(std::move(db)), clock_(clock) {}
 

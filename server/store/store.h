@@ -29,6 +29,9 @@
 
 namespace myograde::server {
 
+// The number of this program's schema.
+int SchemaVersion();
+
 class Store {
  public:
   // Opens or creates the store at `path`; errors as in connection.h. `clock` must outlive it. Not

@@ -14,7 +14,6 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/store/connection.h"
-#include "server/store/migration.h"
 
 namespace myograde::server {
 namespace {

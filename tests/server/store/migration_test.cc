@@ -1,7 +1,5 @@
 // Before a store of an earlier schema is migrated, a copy of it is kept; without the copy nothing
 // changes. A store of a later schema is refused, and so is one from before the first release.
-#include "server/store/migration.h"
-
 #include <absl/strings/str_cat.h>
 #include <gmock/gmock.h>
 #include <spdlog/sinks/ostream_sink.h>

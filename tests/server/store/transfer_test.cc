@@ -7,7 +7,7 @@
 #include <gmock/gmock.h>
 
 #include "protocol/base/sha256.h"
-#include "server/store/migration.h"
+#include "server/store/connection.h"
 #include "tests/server/store/store_fixture.h"
 
 namespace myograde::server {
