@@ -1,4 +1,5 @@
-// A submission that is a container image: how its program is started in it.
+// What a submission's policy.json asks for, and how its program is started where it is a container
+// image.
 #pragma once
 
 #include <cstdint>
@@ -6,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>
@@ -23,6 +25,20 @@ struct PolicyImage {
   bool operator==(const PolicyImage&) const = default;
 };
 
+struct PolicyManifest {
+  std::string name;                   // shown to people; 1 to 64 bytes
+  // command[0] is an absolute path, a relative one (inside the artefact) with a slash in it, or a
+  // word to be looked up in PATH.
+  std::vector<std::string> command;
+  std::vector<std::string> runtimes = {};  // names of the server's runtimes that it needs
+  std::map<std::string, std::string> environment = {};  // variables to set for the policy
+  std::string adapter = {};  // through which the command is played; "": it speaks LCM
+  bool extra_observations = false;  // observations carry the track's extra entries too
+  // A container image is submitted: its files are in the folder kImageFolder, and the command starts
+  // in it.
+  std::optional<PolicyImage> image = {};
+};
+
 // The folder of an unpacked image in its artefact's folder.
 inline constexpr char kImageFolder[] = "image";
 
@@ -37,5 +53,9 @@ bool IsReplacedByTheSandbox(std::string_view top);
 nlohmann::json PolicyImageToJson(const PolicyImage& image);
 // `where` names the object in errors.
 absl::StatusOr<PolicyImage> PolicyImageFromJson(const nlohmann::json& json, std::string_view where);
+
+// By the keys of policy.json; "image" is an object.
+nlohmann::json ManifestToJson(const PolicyManifest& manifest);
+absl::StatusOr<PolicyManifest> ManifestFromJson(const nlohmann::json& json, std::string_view where);
 
 }  // namespace myograde

@@ -91,7 +91,7 @@ absl::Status Settle(const std::string& fresh, const std::string& place) {
 
 // Checks nothing if a runtime is missing, as nobody can say what it would bring: an unknown one is
 // refused when the artefact is submitted, and one without its folder is the host's trouble.
-absl::Status CheckStart(const ArtefactManifest& manifest, const std::string& folder,
+absl::Status CheckStart(const PolicyManifest& manifest, const std::string& folder,
                         const Runtimes& runtimes_here) {
   std::vector<std::string> runtimes;
   for (const std::string& name : manifest.runtimes) {
@@ -171,10 +171,7 @@ absl::StatusOr<Artefact> Admission::Unpack(const std::string& file, const std::s
 
 absl::StatusOr<ReceivedArtefact> Admission::Keep(const Artefact& artefact,
                                                  const std::string& folder, const NewUpload& from) {
-  const ArtefactManifest& manifest = artefact.manifest;
-  ReceivedArtefact received{{artefact.digest, manifest.name, manifest.command, manifest.runtimes,
-                             artefact.bytes, artefact.files, manifest.environment, manifest.adapter,
-                             manifest.extra_observations, manifest.image}};
+  ReceivedArtefact received{{artefact.manifest, artefact.digest, artefact.bytes, artefact.files}};
   ArtefactRow& row = received.artefact;
   const absl::Status known = readers_.Read(
       [&](const Transaction& reader) { return reader.content.Artefact(row.hash).status(); });

@@ -25,23 +25,9 @@ struct ArtefactLimits {
 };
 
 // The content of policy.json.
-struct ArtefactManifest {
-  std::string name;                   // shown to people; 1 to 64 bytes
-  // command[0] is an absolute path, a relative one (inside the artefact) with a slash in it, or a
-  // word to be looked up in PATH.
-  std::vector<std::string> command;
-  std::vector<std::string> runtimes;  // names of the server's runtimes that it needs
-  std::map<std::string, std::string> environment;  // environment variables to set for the policy
-  std::string adapter;  // of adapters.h, through which the command is played; "": it speaks LCM
-  bool extra_observations = false;  // observations carry the track's extra entries too
-  // A container image is submitted: its files are in the folder kImageFolder, and the command starts
-  // in it.
-  std::optional<PolicyImage> image = {};
-};
-
 struct Artefact {
   std::string digest;  // SHA-256 (hex) of the canonical listing; identifies the artefact
-  ArtefactManifest manifest;
+  PolicyManifest manifest;
   int64_t bytes = 0;  // of all files
   int64_t files = 0;  // files, folders and links
 };
@@ -58,7 +44,7 @@ using ByteProgress = std::function<void(int64_t done, int64_t total)>;
 // image's own command is not in it.
 // InvalidArgumentError: `path` or `name` breaks a rule (NotFoundError: `path` doesn't exist); other
 // codes: a problem of this host.
-absl::StatusOr<ArtefactManifest> PackArtefact(const std::string& path, const std::string& archive,
+absl::StatusOr<PolicyManifest> PackArtefact(const std::string& path, const std::string& archive,
                                               const ArtefactLimits& limits,
                                               const ByteProgress& progress = nullptr,
                                               const std::string& name = "");

@@ -420,7 +420,7 @@ absl::StatusOr<Artefact> MakeImage(const ImageArchive& archive, ImageContent con
                                       "one, or give a \"command\" in policy.json");
   }
   manifest.erase("image");
-  ASSIGN_OR_RETURN(ArtefactManifest parsed, ParseManifest(manifest));
+  ASSIGN_OR_RETURN(PolicyManifest parsed, ParseManifest(manifest));
   parsed.image = image;
   manifest["image"] = PolicyImageToJson(image);
   Listing listing(limits);

@@ -220,7 +220,7 @@ std::map<std::string, std::string> ReadEnvironment(ConfigReader& reader) {
 }
 
 // What an adapter runs in is one of the submission's runtimes, named or not.
-void ReadAdapter(ConfigReader& reader, ArtefactManifest& manifest) {
+void ReadAdapter(ConfigReader& reader, PolicyManifest& manifest) {
   manifest.adapter = reader.Choice("adapter", AdapterNames());
   const Adapter* adapter = FindAdapter(manifest.adapter);
   if (adapter != nullptr &&
@@ -256,9 +256,9 @@ absl::Status CheckImageFile(int root, const std::string& file) {
 }
 
 // `image`: where to put the name of the image's archive; null: there must be none.
-absl::StatusOr<ArtefactManifest> ParseKeys(const nlohmann::json& json, std::string* image) {
+absl::StatusOr<PolicyManifest> ParseKeys(const nlohmann::json& json, std::string* image) {
   ConfigReader reader(json, "policy.json");
-  ArtefactManifest manifest;
+  PolicyManifest manifest;
   manifest.name = reader.String("name");
   if (image != nullptr && reader.Has("image")) {
     *image = reader.String("image");
@@ -281,7 +281,7 @@ absl::StatusOr<ArtefactManifest> ParseKeys(const nlohmann::json& json, std::stri
 
 }  // namespace
 
-absl::StatusOr<ArtefactManifest> ParseManifest(const nlohmann::json& json) {
+absl::StatusOr<PolicyManifest> ParseManifest(const nlohmann::json& json) {
   return ParseKeys(json, /*image=*/nullptr);
 }
 

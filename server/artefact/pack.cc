@@ -164,7 +164,7 @@ absl::Status WriteListed(const Listing& listing, const std::string& about, const
   return tar.Close();
 }
 
-absl::StatusOr<ArtefactManifest> PackFolder(const std::string& folder, const Packing& packing) {
+absl::StatusOr<PolicyManifest> PackFolder(const std::string& folder, const Packing& packing) {
   const Fd root(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (!root.valid()) return Unreadable(folder, FolderOf::kParticipant);
   ASSIGN_OR_RETURN(SubmittedManifest submitted, ReadSubmittedManifest(root.get(), packing.name));
@@ -196,9 +196,9 @@ absl::Status PackWithManifest(const std::string& source, const std::string& name
   });
 }
 
-absl::StatusOr<ArtefactManifest> PackProgram(const std::string& program, const Packing& packing) {
+absl::StatusOr<PolicyManifest> PackProgram(const std::string& program, const Packing& packing) {
   const std::string base = std::filesystem::path(program).filename().string();
-  ArtefactManifest manifest;
+  PolicyManifest manifest;
   manifest.name = packing.name.empty() ? PolicyNameOf(base) : packing.name;
   manifest.command = {"./" + base};
   RETURN_IF_ERROR(PackWithManifest(program, base, /*executable=*/true,
@@ -207,9 +207,9 @@ absl::StatusOr<ArtefactManifest> PackProgram(const std::string& program, const P
 }
 
 // An image is sent as it is: the daemon unpacks it, and checks it there.
-absl::StatusOr<ArtefactManifest> PackImage(const std::string& image, const Packing& packing) {
+absl::StatusOr<PolicyManifest> PackImage(const std::string& image, const Packing& packing) {
   constexpr char kName[] = "image.tar";
-  ArtefactManifest manifest;
+  PolicyManifest manifest;
   manifest.name = packing.name;
   if (manifest.name.empty()) {
     const Fd file(::open(image.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
@@ -225,10 +225,10 @@ absl::StatusOr<ArtefactManifest> PackImage(const std::string& image, const Packi
 
 // An archive is unpacked and packed again: so it is checked against every rule before it is sent,
 // and what is sent is canonical.
-absl::StatusOr<ArtefactManifest> Repack(const std::string& source, const Packing& packing) {
+absl::StatusOr<PolicyManifest> Repack(const std::string& source, const Packing& packing) {
   const std::string folder = packing.archive + ".unpacked";
   RETURN_IF_ERROR(UnpackSubmission(source, folder, packing.limits, packing.progress));
-  absl::StatusOr<ArtefactManifest> packed = PackFolder(folder, packing);
+  absl::StatusOr<PolicyManifest> packed = PackFolder(folder, packing);
   std::error_code ignored;
   std::filesystem::remove_all(folder, ignored);
   return packed;
@@ -272,7 +272,7 @@ absl::Status NoProgram(const std::string& path) {
 }
 
 // Packs a single file.
-absl::StatusOr<ArtefactManifest> PackFile(const std::string& path, const struct stat& info,
+absl::StatusOr<PolicyManifest> PackFile(const std::string& path, const struct stat& info,
                                           const Packing& packing) {
   const Fd file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));  // waits for a lease on it to end
   if (!file.valid()) return Unreadable(path, FolderOf::kParticipant);
@@ -298,7 +298,7 @@ absl::StatusOr<ArtefactManifest> PackFile(const std::string& path, const struct 
 
 }  // namespace
 
-absl::StatusOr<ArtefactManifest> PackArtefact(const std::string& path, const std::string& archive,
+absl::StatusOr<PolicyManifest> PackArtefact(const std::string& path, const std::string& archive,
                                               const ArtefactLimits& limits,
                                               const ByteProgress& progress,
                                               const std::string& name) {

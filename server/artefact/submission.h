@@ -12,7 +12,7 @@
 namespace myograde::server {
 
 struct SubmittedManifest {
-  ArtefactManifest manifest;
+  PolicyManifest manifest;
   std::string image_file;  // the image's archive, beside policy.json; "": an ordinary submission
   nlohmann::json json;     // the whole object
 };
@@ -28,7 +28,7 @@ absl::Status UnpackSubmission(const std::string& archive, const std::string& des
                               const ArtefactLimits& limits, const ByteProgress& progress);
 
 // Checks a manifest without "image" by itself, without the files.
-absl::StatusOr<ArtefactManifest> ParseManifest(const nlohmann::json& json);
+absl::StatusOr<PolicyManifest> ParseManifest(const nlohmann::json& json);
 
 // Whether a file is the archive of an image, compressed at most once, and not of an ordinary
 // submission. Ordinary ones are told by their first header.

@@ -129,18 +129,15 @@ nlohmann::json AnswerOf(const absl::StatusOr<Artefact>& artefact) {
     return {{"code", artefact.status().raw_code()},
             {"message", std::string(artefact.status().message())}};
   }
-  const ArtefactManifest& manifest = artefact->manifest;
   nlohmann::json answer = {{"code", 0},
                            {"digest", artefact->digest},
                            {"bytes", artefact->bytes},
                            {"files", artefact->files},
-                           {"manifest", {{"name", manifest.name},
-                                         {"command", manifest.command},
-                                         {"runtimes", manifest.runtimes},
-                                         {"env", manifest.environment},
-                                         {"extra_observations", manifest.extra_observations}}}};
-  if (!manifest.adapter.empty()) answer["manifest"]["adapter"] = manifest.adapter;
-  if (manifest.image.has_value()) answer["image"] = PolicyImageToJson(*manifest.image);
+                           {"manifest", ManifestToJson(artefact->manifest)}};
+  // A policy.json has the name of a file there.
+  nlohmann::json& manifest = answer["manifest"];
+  if (manifest.contains("image")) answer["image"] = manifest["image"];
+  manifest.erase("image");
   return answer;
 }
 

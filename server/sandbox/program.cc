@@ -140,7 +140,7 @@ class SandboxView {
 
 class ProgramCheck {
  public:
-  ProgramCheck(const ArtefactManifest& manifest, int artefact,
+  ProgramCheck(const PolicyManifest& manifest, int artefact,
                const std::vector<std::string>& runtimes)
       : word_(manifest.command[0]),
         image_(manifest.image.has_value()),
@@ -301,7 +301,7 @@ class ProgramCheck {
 
 }  // namespace
 
-absl::Status CheckProgram(const ArtefactManifest& manifest, const std::string& folder,
+absl::Status CheckProgram(const PolicyManifest& manifest, const std::string& folder,
                           const std::vector<std::string>& runtimes) {
   const Fd root(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (!root.valid()) return HostError(absl::StrCat("can't open the folder ", folder));

@@ -15,7 +15,7 @@ namespace myograde::server {
 // of a virtual environment. `folder`: the unpacked submission; links in it are never followed by
 // this process. `runtimes`: the host folders of manifest.runtimes. InvalidArgumentError: it can't
 // start; names the missing file and what to do.
-absl::Status CheckProgram(const ArtefactManifest& manifest, const std::string& folder,
+absl::Status CheckProgram(const PolicyManifest& manifest, const std::string& folder,
                           const std::vector<std::string>& runtimes);
 
 }  // namespace myograde::server

@@ -15,35 +15,6 @@
 namespace myograde::server {
 namespace {
 
-// artefact.options_json: a key for each wish of a policy.json that is not the default.
-std::string OptionsOf(const ArtefactRow& artefact) {
-  nlohmann::json options = nlohmann::json::object();
-  if (!artefact.adapter.empty()) options["adapter"] = artefact.adapter;
-  if (artefact.extra_observations) options["extra_observations"] = true;
-  if (artefact.image.has_value()) options["image"] = PolicyImageToJson(*artefact.image);
-  return CanonicalJson(options);
-}
-
-absl::Status ReadOptions(const std::string& text, ArtefactRow& artefact) {
-  ASSIGN_OR_RETURN(const nlohmann::json options, ParseJson(text, "options"));
-  ConfigReader reader(options, "options");
-  if (reader.Has("adapter")) artefact.adapter = reader.String("adapter");
-  if (reader.Has("extra_observations")) {
-    artefact.extra_observations = reader.Boolean("extra_observations");
-  }
-  if (reader.Has("image")) {
-    ASSIGN_OR_RETURN(artefact.image,
-                     PolicyImageFromJson(reader.Object("image"), "options: image"));
-  }
-  return reader.Finish();
-}
-
-// The hash of an episode's log, "" if it has none, NULL if its facts are unreadable. The same
-// expression as in the index episode_by_log (schema.sql), so that the index is used.
-constexpr char kLogOfEpisode[] =
-    "CASE WHEN typeof(facts_json) = 'text' AND json_valid(facts_json) "
-    "THEN ifnull(json_extract(facts_json, '$.log.sha256'), '') END";
-
 // An evaluation `e` of a submission `s` whose files may be removed: it has ended and can't stand on
 // a board, nor on one that a rejudge is made for, which may have to play it. Unreadable rows keep
 // their files.
@@ -96,10 +67,9 @@ absl::Status UnknownArtefact(const std::string& hash) {
 }
 
 absl::StatusOr<bool> Content::AddArtefact(const ArtefactRow& artefact) {
-  return Run(db_, "INSERT INTO artefact VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING",
-             artefact.hash, artefact.name, CanonicalJson(artefact.command),
-             CanonicalJson(artefact.runtimes), artefact.bytes, artefact.files, now_ms_,
-             CanonicalJson(artefact.environment), OptionsOf(artefact)) == 1;
+  return Run(db_, "INSERT INTO artefact VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING",
+             artefact.hash, artefact.name, CanonicalJson(ManifestToJson(artefact)), artefact.bytes,
+             artefact.files, now_ms_) == 1;
 }
 
 absl::Status Content::AddUpload(const ArtefactRow& artefact, const NewUpload& upload,
@@ -143,18 +113,22 @@ absl::Status Content::AddUpload(const ArtefactRow& artefact, const NewUpload& up
 }
 
 absl::StatusOr<ArtefactRow> Content::Artefact(const std::string& hash) const {
-  constexpr StoredRows<ArtefactRow, 7> kArtefacts = {
-      "artefact",
-      "SELECT hash, name, command_json, runtimes_json, bytes, files, environment_json "
-      "FROM artefact "};
-  ASSIGN_OR_RETURN(ArtefactRow artefact,
+  struct Stored {
+    std::string hash;
+    std::string manifest;
+    int64_t bytes = 0;
+    int64_t files = 0;
+  };
+  constexpr StoredRows<Stored, 4> kArtefacts = {
+      "artefact", "SELECT hash, manifest_json, bytes, files FROM artefact "};
+  ASSIGN_OR_RETURN(const Stored stored,
                    kArtefacts.First(db_, UnknownArtefact(hash), "WHERE hash = ?", hash));
-  const absl::Status read = ReadOptions(
-      FirstValue<std::string>(db_, "SELECT options_json FROM artefact WHERE hash = ?", hash),
-      artefact);
-  if (!read.ok()) return DamagedRow({"artefact", hash, std::string(read.message())});
-  if (artefact.command.empty()) return DamagedRow({"artefact", hash, "it has no program"});
-  return artefact;
+  absl::StatusOr<PolicyManifest> manifest =
+      ManifestFromJson(nlohmann::json::parse(stored.manifest), "its \"manifest_json\"");
+  if (!manifest.ok()) {
+    return DamagedRow({"artefact", hash, std::string(manifest.status().message())});
+  }
+  return ArtefactRow{*std::move(manifest), stored.hash, stored.bytes, stored.files};
 }
 
 std::vector<ArtefactUse> Content::ArtefactUses() const {

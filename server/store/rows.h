@@ -28,7 +28,7 @@ inline constexpr std::string_view kNamesOf<EvaluationState>[] = {
     "queued", "running", "done", "failed", "cancelled", "grader_error"};
 inline bool IsFinal(EvaluationState state) { return state >= EvaluationState::kDone; }
 
-struct ArtefactRow {
+struct ArtefactRow : PolicyManifest {
   std::string hash;
   std::string name;
   std::vector<std::string> command;

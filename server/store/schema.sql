@@ -105,13 +105,10 @@ CREATE TABLE meta (
 CREATE TABLE artefact (
   hash          TEXT PRIMARY KEY CHECK (length(hash) = 64),
   name          TEXT NOT NULL,   -- as its policy.json says
-  command_json  TEXT NOT NULL,   -- array of strings
-  runtimes_json TEXT NOT NULL,   -- array of names of configured runtimes
+  manifest_json TEXT NOT NULL,   -- the whole of it (protocol/lease/policy_image.h)
   bytes         INTEGER NOT NULL CHECK (bytes >= 0),
   files         INTEGER NOT NULL CHECK (files >= 0),
-  created_at    INTEGER NOT NULL,
-  environment_json TEXT NOT NULL DEFAULT '{}',  -- its policy's variables: texts by name
-  options_json     TEXT NOT NULL DEFAULT '{}'   -- further wishes (artefacts.cc)
+  created_at    INTEGER NOT NULL
 ) STRICT;
 
 CREATE TABLE config (

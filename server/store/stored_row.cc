@@ -61,20 +61,12 @@ StoredColumn::operator std::string() const {
   return text;
 }
 
-template <typename Texts>
-Texts StoredColumn::JsonTexts(const char* type) const {
+StoredColumn::operator std::vector<std::string>() const {
   const Json json = Json::parse(Text(), nullptr, /*allow_exceptions=*/false);
-  if (std::string_view(json.type_name()) != type || !std::ranges::all_of(json, &Json::is_string)) {
-    Fail(absl::StrCat("a JSON ", type, " of strings belongs there"));
+  if (!json.is_array() || !std::ranges::all_of(json, &Json::is_string)) {
+    Fail("a JSON array of strings belongs there");
   }
   return json;
-}
-
-StoredColumn::operator std::vector<std::string>() const {
-  return JsonTexts<std::vector<std::string>>("array");
-}
-StoredColumn::operator std::map<std::string, std::string>() const {
-  return JsonTexts<std::map<std::string, std::string>>("object");
 }
 
 StoredColumn::operator Outcome() const { return Named(ParseOutcome); }

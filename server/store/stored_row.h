@@ -112,8 +112,7 @@ class StoredColumn {
   operator std::optional<double>() &&;  // the same
   operator bool() const;
   operator std::string() const;  // UTF-8; the text of a JSON object where the column is a *_json
-  operator std::vector<std::string>() const;            // stored as JSON
-  operator std::map<std::string, std::string>() const;  // the same
+  operator std::vector<std::string>() const;  // stored as JSON
   operator Outcome() const;
   operator FailureReason() const;
   template <typename Value>
@@ -127,8 +126,6 @@ class StoredColumn {
   [[noreturn]] void Fail(std::string_view problem) const;
   int64_t NumberTo(int64_t max) const;
   std::string Text() const;
-  template <typename Texts>
-  Texts JsonTexts(const char* type) const;  // "array" or "object"
   template <typename Value>
   Value Named(std::optional<Value> (*parse)(std::string_view)) const {
     const std::optional<Value> value = parse(Text());

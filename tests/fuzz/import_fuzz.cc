@@ -43,7 +43,7 @@ std::string ExportOf(SQLite::Database& db) {
 absl::Status Fill(Transaction& writer) {
   const std::string hash(64, 'a');
   absl::Status status =
-      writer.content.AddArtefact({hash, "walker", {"./policy"}, {"python"}, 10, 2}).status();
+      writer.content.AddArtefact({{"walker", {"./policy"}, {"python"}}, hash, 10, 2}).status();
   NewSubmission submission;
   submission.team = "alpha";
   submission.artefact = hash;

@@ -42,7 +42,7 @@ MYOGRADE_FUZZ_TARGET(manifest)(const uint8_t* data, size_t size) {
             "a refusal is one line");
     return 0;
   }
-  const server::ArtefactManifest* manifest = &submitted->manifest;
+  const PolicyManifest* manifest = &submitted->manifest;
   Require(!manifest->name.empty() && manifest->name.size() <= 64, "a name has 1 to 64 bytes");
   Require(!manifest->command.empty(), "there is a command");
   for (const std::string& word : manifest->command) {

@@ -53,7 +53,7 @@ absl::StatusOr<std::string> SendArtefact(const SubmitOptions& options, const Cli
   ASSIGN_OR_RETURN(const TempFolder temp, TempFolder::Make("submit"));
   const std::string archive = temp.path() + "/artefact.tar";
   ASSIGN_OR_RETURN(
-      const ArtefactManifest manifest,
+      const PolicyManifest manifest,
       HostStatus(options.path, PackArtefact(options.path, archive, ArtefactLimits(),
                                             Progress("packing", Progress::Unit::kBytes).Listener(),
                                             options.name)));

@@ -294,7 +294,7 @@ absl::Status TakeSubmission(const std::string& path, const std::string& name,
       order.artefact,
       HostStatus(path, UnpackArtefact(archive, order.artefact_dir, limits,
                                       Progress("unpacking", Progress::Unit::kBytes).Listener())));
-  const ArtefactManifest& manifest = order.artefact.manifest;
+  const PolicyManifest& manifest = order.artefact.manifest;
   RETURN_IF_ERROR(HostStatus(path, CheckAdapter(manifest.adapter, *track.kind)));
   RETURN_IF_ERROR(HostStatus(path, CheckExtraObservations(manifest.extra_observations, track)));
   order.work_dir = temp;

@@ -244,7 +244,7 @@ class Daemon {
     }
     const absl::Status status = store_->Write([&](Transaction& writer) -> absl::Status {
       const auto added =
-          writer.content.AddArtefact({submission.artefact, "bench", {"./policy"}, {}, 1, 1});
+          writer.content.AddArtefact({{"bench", {"./policy"}}, submission.artefact, 1, 1});
       if (!added.ok()) return added.status();
       const absl::StatusOr<Accepted> accepted =
           writer.submissions.Accept(submission, kRules, "bench");

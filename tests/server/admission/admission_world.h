@@ -143,7 +143,7 @@ class AdmissionWorld : public ::testing::Test {
 
   // An artefact with files, as if received; its hash is `letter` repeated.
   void AddArtefact(char letter, int64_t bytes = 10, std::vector<std::string> runtimes = {}) {
-    AddArtefact(letter, {std::string(64, letter), "walker", {"./policy"}, std::move(runtimes),
+    AddArtefact(letter, {{"walker", {"./policy"}, std::move(runtimes)}, std::string(64, letter),
                          bytes, 2});
   }
   void AddArtefact(char letter, const ArtefactRow& row) {
@@ -176,7 +176,7 @@ class AdmissionWorld : public ::testing::Test {
   void DamageArtefact(char letter) const {
     SQLite::Database db(dir_ + "/store.db", SQLite::OPEN_READWRITE, /*busy_ms=*/10'000);
     db.exec("DROP TRIGGER artefact_fixed");
-    db.exec(absl::StrCat("UPDATE artefact SET command_json = 'x' WHERE hash = '",
+    db.exec(absl::StrCat("UPDATE artefact SET manifest_json = 'x' WHERE hash = '",
                          std::string(64, letter), "'"));
   }
   SubmissionRow FindSubmission(const Accepted& accepted) {

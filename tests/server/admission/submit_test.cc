@@ -286,13 +286,8 @@ TEST_F(SubmitTest, WhatThisServerLacksIsNamed) {
 
 TEST_F(SubmitTest, ExtraObservationsAreShownWhereTheProfileAllowsThem) {
   AddArtefact('a');
-  AddArtefact('b', {.hash = std::string(64, 'b'),
-                    .name = "walker",
-                    .command = {"./policy"},
-                    .runtimes = {},
-                    .bytes = 10,
-                    .files = 2,
-                    .extra_observations = true});
+  AddArtefact('b', {{.name = "walker", .command = {"./policy"}, .extra_observations = true},
+                    std::string(64, 'b'), 10, 2});
   EXPECT_EQ(CodeOf("alpha", 'b'), "bad_artefact") << "the profile is paper";
   EXPECT_EQ(Count("submission"), 0);
   SubmitRequest request{.artefact = std::string(64, 'b'),
@@ -309,13 +304,8 @@ TEST_F(SubmitTest, ExtraObservationsAreShownWhereTheProfileAllowsThem) {
   ASSERT_TRUE(plain.ok()) << plain.status();
   EXPECT_FALSE(FindSubmission(*plain).extra_observations) << "it did not ask";
   // An adapter takes what there is, and plays without.
-  AddArtefact('c', {.hash = std::string(64, 'c'),
-                    .name = "veteran",
-                    .command = {"./policy"},
-                    .runtimes = {},
-                    .bytes = 10,
-                    .files = 2,
-                    .adapter = "template-2024"});
+  AddArtefact('c', {{.name = "veteran", .command = {"./policy"}, .adapter = "template-2024"},
+                    std::string(64, 'c'), 10, 2});
   EXPECT_EQ(CodeOf("alpha", 'c'), "") << "the profile is paper";
   request.artefact = std::string(64, 'c');
   const auto adapted = admission().Submit(request, "uid 7");

@@ -79,7 +79,7 @@ class Board {
     const std::string artefact = Sha256Hex(absl::StrCat("artefact", ++artefacts_));
     const TrackConfig& config = live_->config;
     Write([&](Transaction& writer) {
-      EXPECT_TRUE(writer.content.AddArtefact({artefact, "walker", {"./policy"}, {}, 10, 2}).ok());
+      EXPECT_TRUE(writer.content.AddArtefact({{"walker", {"./policy"}}, artefact, 10, 2}).ok());
       NewSubmission submission;
       submission.team = team;
       submission.artefact = artefact;

@@ -73,7 +73,7 @@ class BoardConfigsTest : public testing::Test {
     const TrackConfig& config = track->config;
     Write([&](Transaction& writer) {
       const std::string artefact = Sha256Hex(config.hash);
-      EXPECT_TRUE(writer.content.AddArtefact({artefact, "walker", {"./policy"}, {}, 10, 2}).ok());
+      EXPECT_TRUE(writer.content.AddArtefact({{"walker", {"./policy"}}, artefact, 10, 2}).ok());
       NewSubmission submission;
       submission.team = "alpha";
       submission.artefact = artefact;

@@ -196,9 +196,11 @@ TEST_F(DamageTest, AnImportRefusesWhatNoRequestCouldRead) {
   const Target evaluation = {"evaluation", absl::StrCat("id = ", teams_.victim.done), ""};
   int number = 0;
   for (const auto& [target, column, value] :
-       {std::tuple(artefact, "command_json", "'[]'"), std::tuple(artefact, "environment_json", "'[]'"),
-        std::tuple(artefact, "options_json",
-                   "'{\"image\":{\"environment\":{},\"gid\":1,\"uid\":-1,\"working_dir\":\"/\"}}'"),
+       {std::tuple(artefact, "manifest_json", "json_set(manifest_json, '$.command', json('[]'))"),
+        std::tuple(artefact, "manifest_json", "json_set(manifest_json, '$.env', json('[]'))"),
+        std::tuple(artefact, "manifest_json",
+                   "json_set(manifest_json, '$.image', json('{\"environment\":{},\"gid\":1,"
+                   "\"uid\":-1,\"working_dir\":\"/\"}'))"),
         std::tuple(Target{"config", absl::StrCat("hash = '", teams_.victim.config, "'"), ""},
                    "effective_json", "'{}'"),
         std::tuple(block, "faults", "999"), std::tuple(episode, "metrics_json", "'{}'"),

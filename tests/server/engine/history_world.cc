@@ -299,7 +299,7 @@ int64_t World::Submit(const std::string& team, int episodes) {
   for (int first = 0; first < episodes; first += 2) {
     submission.blocks.emplace_back(first, std::min(first + 1, episodes - 1));
   }
-  const ArtefactRow artefact{submission.artefact, team, {"./policy"}, needs_runtimes, 1, 1};
+  const ArtefactRow artefact{{team, {"./policy"}, needs_runtimes}, submission.artefact, 1, 1};
   int64_t id = 0;
   try {
     core->Ask({[&, submission, artefact](Transaction& writer) -> absl::Status {

@@ -189,7 +189,7 @@ int64_t RejudgeWorld::Played(const std::string& team, const Json& grader, bool c
   fs::create_directory(ArtefactFolder(dir_, artefact));
   Accepted accepted;
   const absl::Status status = store_->Write([&](Transaction& writer) -> absl::Status {
-    if (auto added = writer.content.AddArtefact({artefact, team, {"./policy"}, {}, 1, 1});
+    if (auto added = writer.content.AddArtefact({{team, {"./policy"}}, artefact, 1, 1});
         !added.ok()) {
       return added.status();
     }
@@ -234,7 +234,7 @@ int64_t RejudgeWorld::Played(const std::string& team, const Json& grader, bool c
 Accepted RejudgeWorld::Submit(const std::string& team) {
   const std::string artefact = Sha256Hex(absl::StrCat(team, "/", ++artefacts_));
   fs::create_directory(ArtefactFolder(dir_, artefact));
-  const auto known = engine_->AddArtefact({artefact, team, {"./policy"}, {}, 1, 1}, {"uid 1", team},
+  const auto known = engine_->AddArtefact({{team, {"./policy"}}, artefact, 1, 1}, {"uid 1", team},
                                           {}, kPatience);
   EXPECT_TRUE(known.ok()) << known.status();
   const auto accepted = engine_->Submit(SubmissionOf(base_->config, team, artefact, today_),

@@ -122,7 +122,7 @@ class RetentionFolder : public testing::Test {
     const std::string hash(64, letter);
     fs::create_directory(FolderOf(letter));
     ASSERT_TRUE(store_->Write([&](Transaction& writer) {
-      return writer.content.AddArtefact({hash, "walker", {"./policy"}, {}, 100, 2}).status();
+      return writer.content.AddArtefact({{"walker", {"./policy"}}, hash, 100, 2}).status();
     }).ok());
   }
   std::string FolderOf(char letter) const {

@@ -33,7 +33,7 @@ class ProgramTest : public ::testing::Test {
   }
   // "" if it can start.
   std::string Complaint(const std::string& word) {
-    ArtefactManifest manifest;
+    PolicyManifest manifest;
     manifest.command = {word};
     manifest.image = image_;
     const absl::Status status = CheckProgram(manifest, folder_.path().string(), runtimes_);

@@ -127,7 +127,7 @@ TEST_F(PeopleTest, ATeamMayTakeItsOwnNamesBack) {
 TEST_F(PeopleTest, UploadsFollowTheirTeamsName) {
   const auto upload = [&](char artefact, const std::string& team) {
     return Write([&](Transaction& w) {
-      const ArtefactRow row = {std::string(64, artefact), "walker", {"./policy"}, {}, 10, 2};
+      const ArtefactRow row = {{"walker", {"./policy"}}, std::string(64, artefact), 10, 2};
       absl::Status status = w.content.AddArtefact(row).status();
       status.Update(w.content.AddUpload(row, {.uploader = "", .team = team}, {.of_one = 1}));
       return status;

@@ -46,7 +46,7 @@ class PhaseStoreTest : public StoreTest {
     const std::string hash(64, artefact);
     absl::StatusOr<Accepted> accepted = absl::InternalError("");
     const absl::Status status = store_->Write([&](Transaction& writer) -> absl::Status {
-      auto added = writer.content.AddArtefact({hash, "walker", {"./policy"}, {}, 10, 2});
+      auto added = writer.content.AddArtefact({{"walker", {"./policy"}}, hash, 10, 2});
       if (!added.ok()) return added.status();
       NewSubmission submission;
       submission.team = team;

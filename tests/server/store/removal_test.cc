@@ -100,7 +100,7 @@ TEST_F(RemovalTest, WhatHasNotEndedOrMayStandOnABoardStays) {
 TEST_F(RemovalTest, WhatNobodyEverUsedGoesAndEachRemovalIsARow) {
   ASSERT_TRUE(Write([](Transaction& writer) {
                 return writer.content
-                    .AddArtefact({std::string(64, '9'), "walker", {"./policy"}, {}, 10, 2})
+                    .AddArtefact({{"walker", {"./policy"}}, std::string(64, '9'), 10, 2})
                     .status();
               }).ok());
   EXPECT_TRUE(MayGo('9'));

@@ -34,7 +34,7 @@ class RequestKeys : public StoreTest {
 
   absl::StatusOr<Accepted> AcceptOne(Transaction& writer) {
     const std::string hash(64, 'a');
-    auto added = writer.content.AddArtefact({hash, "walker", {"./policy"}, {}, 10, 2});
+    auto added = writer.content.AddArtefact({{"walker", {"./policy"}}, hash, 10, 2});
     if (!added.ok()) return added.status();
     NewSubmission submission;
     submission.team = "alpha";

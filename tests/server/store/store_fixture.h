@@ -46,7 +46,7 @@ class StoreTest : public ::testing::Test {
     const std::string hash(64, artefact);
     Accepted accepted;
     const absl::Status status = store_->Write([&](Transaction& writer) -> absl::Status {
-      auto added = writer.content.AddArtefact({hash, "walker", {"./policy"}, {"python"}, 10, 2});
+      auto added = writer.content.AddArtefact({{"walker", {"./policy"}, {"python"}}, hash, 10, 2});
       if (!added.ok()) return added.status();
       NewSubmission submission;
       submission.team = team;

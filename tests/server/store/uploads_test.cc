@@ -21,7 +21,7 @@ class UploadsTest : public StoreTest {
   absl::Status Upload(char artefact, const std::string& uploader, int64_t bytes = 10,
                       const std::string& team = "", bool organiser = false) {
     return store_->Write([&](Transaction& writer) -> absl::Status {
-      const ArtefactRow row{std::string(64, artefact), "walker", {"./policy"}, {}, bytes, 2};
+      const ArtefactRow row{{"walker", {"./policy"}}, std::string(64, artefact), bytes, 2};
       if (auto added = writer.content.AddArtefact(row); !added.ok()) return added.status();
       return writer.content.AddUpload(row, {uploader, team, organiser}, kLimits);
     });
