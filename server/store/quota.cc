@@ -64,14 +64,15 @@ constexpr char kAddLedgerRow[] =
     "INSERT INTO ledger (at, day, team_id, track, phase, budget, entry, amount, submission, who, "
     "why) ";
 
-// Charges a unit for a submission's own evaluation, unless that was done. `budget`: in SQL, where
-// `a` is the submission's admission.
+constexpr char kOwnBudget[] = "iif(s.ranked, 'official', 'practice')";  // of a submission `s`
+
+// Charges a unit for a submission's own evaluation, unless that was done. `budget`: in SQL.
 void Charge(SQLite::Database& db, int64_t now_ms, int64_t evaluation, const char* budget,
             const std::string& who, const std::string& why) {
   Run(db,
-      absl::StrCat(kAddLedgerRow, "SELECT ?, a.day, a.team_id, a.track, a.phase, ", budget,
-                   ", 'charge', 1, a.submission, ?, ? FROM evaluation AS e "
-                   "JOIN admission AS a ON a.submission = e.submission "
+      absl::StrCat(kAddLedgerRow, "SELECT ?, s.day, s.team_id, s.track, s.phase, ", budget,
+                   ", 'charge', 1, s.id, ?, ? FROM evaluation AS e "
+                   "JOIN submission AS s ON s.id = e.submission "
                    "WHERE e.id = ? AND e.kind = 'original' ON CONFLICT DO NOTHING"),
       now_ms, who, why, evaluation);
 }
@@ -111,7 +112,7 @@ absl::Status CheckFailures(const QuotaUse& use, const QuotaLimits& limits, const
 }
 
 void Quotas::ChargeFirstEpisode(int64_t evaluation, const std::string& why) {
-  Charge(db_, now_ms_, evaluation, "a.budget", kGrader, why);
+  Charge(db_, now_ms_, evaluation, kOwnBudget, "daemon", why);
 }
 
 void Quotas::ChargeBegun(int64_t evaluation) {
@@ -171,9 +172,9 @@ QuotaUse Quotas::CountQuotaUse(const std::string& team, const std::string& track
                    RowsOfTeam(2),
                    " AND track = ?3 AND phase = ?4 AND typeof(amount) = 'integer' "
                    "AND amount BETWEEN 1 AND ?5 UNION ALL "
-                   "SELECT a.budget, iif(e.state = 'queued', 'waiting', 'open'), 1, a.day "
-                   "FROM admission AS a JOIN evaluation AS e ON e.submission = a.submission "
-                   "AND e.kind = 'original' WHERE a.team_id IN ",
+                   "SELECT ", kOwnBudget, ", iif(e.state = 'queued', 'waiting', 'open'), 1, s.day "
+                   "FROM submission AS s JOIN evaluation AS e ON e.submission = s.id "
+                   "AND e.kind = 'original' WHERE s.team_id IN ",
                    RowsOfTeam(2),
                    " AND a.track = ?3 AND a.phase = ?4 AND e.finished_at IS NULL "
                    "AND NOT EXISTS (SELECT 1 FROM ledger AS l WHERE l.submission = a.submission "
@@ -208,7 +209,7 @@ int64_t Quotas::DayAt(int64_t now_ms) const {
   // Rows of a clock that was far ahead must not hold the day there until the calendar arrives.
   const int64_t today = now_ms / kDayMs;
   const int64_t newest = FirstValue<int64_t>(db_, R"(
-      SELECT max(ifnull((SELECT max(day) FROM admission WHERE day <= ?1), 0),
+      SELECT max(ifnull((SELECT max(day) FROM submission WHERE day <= ?1), 0),
       ifnull((SELECT max(day) FROM ledger WHERE day <= ?1), 0)))",
                                              std::min(today + 1, kLastDay));
   return std::max(newest, today);

@@ -45,7 +45,6 @@
 --                    the first), a line feed and the entry. What follows from the journal is computed by
 --                    server/board, and by no query
 -- Quotas and files:
---   admission        what an accepted submission will be charged to, and for which day
 --   ledger           every charge, refund and grant of a team's quota
 --   removal          files that were removed from the data folder, by the organiser's policy
 -- Phases:
@@ -76,9 +75,9 @@
 --    5. The blocks of an evaluation do not overlap and cover [first, last].
 --    6. Every change of a state inserts its transition in the same transaction.
 --    7. A submission is charged once in each budget, and each charge is refunded at most once.
---    8. The journal, ledger and admissions are never changed or deleted.
+--    8. The journal and the ledger are never changed or deleted, nor is what a submission is charged by.
 --    9. A day is the number of whole days since 1970-01-01 UTC: the clock's, or the day after if the
---       admissions or the ledger have rows of that already.
+--       submissions or the ledger have rows of that already.
 --   10. Memberships and access events (but for their count, and denials that are old) are never changed
 --       or deleted.
 --   11. A phase's secret is never changed.
@@ -246,6 +245,7 @@ CREATE TABLE submission (
   ranked      INTEGER NOT NULL CHECK (ranked IN (0, 1)),  -- plays exactly the config's seeds
   accepted_by TEXT NOT NULL,
   accepted_at INTEGER NOT NULL,
+  day         INTEGER NOT NULL CHECK (day >= 0),  -- whose quota it is charged to
   phase       TEXT NOT NULL DEFAULT '',  -- of a challenge; '': the track's own board
   -- Its policy is shown those of its track: it asked for them, and its profile allowed it.
   extra_observations INTEGER NOT NULL DEFAULT 0 CHECK (extra_observations IN (0, 1))
@@ -375,6 +375,7 @@ CREATE TABLE node_event (
 CREATE INDEX submission_by_team ON submission (team_id, id);
 CREATE INDEX submission_by_board ON submission (config, ranked, id);
 CREATE UNIQUE INDEX evaluation_original ON evaluation (submission) WHERE kind = 'original';
+CREATE INDEX submission_by_day ON submission (day);
 CREATE UNIQUE INDEX evaluation_of_rejudge ON evaluation (rejudge, submission, repetition)
   WHERE rejudge IS NOT NULL;
 CREATE INDEX evaluation_by_submission ON evaluation (submission, id);
@@ -411,6 +412,8 @@ CREATE TRIGGER block_final BEFORE UPDATE OF state ON block
   BEGIN SELECT RAISE(ABORT, 'a block that ended stays ended'); END;
 CREATE TRIGGER evaluation_final BEFORE UPDATE OF state ON evaluation
   WHEN OLD.finished_at IS NOT NULL
+CREATE TRIGGER submission_fixed BEFORE UPDATE OF team_id, track, phase, day ON submission
+  BEGIN SELECT RAISE(ABORT, 'what a submission is charged by is never changed'); END;
   BEGIN SELECT RAISE(ABORT, 'an evaluation that ended stays ended'); END;
 CREATE TRIGGER submission_kept BEFORE DELETE ON submission
   BEGIN SELECT RAISE(ABORT, 'submissions are never deleted'); END;
@@ -428,15 +431,6 @@ CREATE TRIGGER node_event_kept BEFORE DELETE ON node_event
   BEGIN SELECT RAISE(ABORT, 'what was done to a node is never deleted'); END;
 
 -- Quotas and removals.
-
-CREATE TABLE admission (
-  submission INTEGER PRIMARY KEY REFERENCES submission (id),
-  team_id    INTEGER NOT NULL REFERENCES team (id),
-  track      TEXT NOT NULL,
-  budget     TEXT NOT NULL CHECK (budget IN ('official', 'practice')),
-  day        INTEGER NOT NULL CHECK (day >= 0),
-  phase      TEXT NOT NULL DEFAULT ''
-) STRICT;
 
 CREATE TABLE ledger (
   id         INTEGER PRIMARY KEY AUTOINCREMENT,
@@ -463,16 +457,10 @@ CREATE TABLE removal (
   why   TEXT NOT NULL CHECK (length(why) > 0)
 ) STRICT;
 
-CREATE INDEX admission_by_team ON admission (team_id, track, budget, day);
-CREATE INDEX admission_by_day ON admission (day);
 CREATE UNIQUE INDEX ledger_once ON ledger (submission, budget, entry)
   WHERE submission IS NOT NULL;
 CREATE INDEX ledger_by_team ON ledger (team_id, track, id);
 CREATE INDEX ledger_by_day ON ledger (day);
-CREATE TRIGGER admission_fixed BEFORE UPDATE ON admission
-  BEGIN SELECT RAISE(ABORT, 'an admission is never changed'); END;
-CREATE TRIGGER admission_kept BEFORE DELETE ON admission
-  BEGIN SELECT RAISE(ABORT, 'an admission is never deleted'); END;
 CREATE TRIGGER ledger_fixed BEFORE UPDATE ON ledger
   BEGIN SELECT RAISE(ABORT, 'ledger rows are never changed'); END;
 CREATE TRIGGER ledger_kept BEFORE DELETE ON ledger

@@ -205,16 +205,13 @@ absl::StatusOr<Accepted> Submissions::Accept(const NewSubmission& asked,
   RETURN_IF_ERROR(Content(context_).AddSeedList(submission.seeds, submission.seed_count,
                                                 submission.seeds_json));
   Run(db_, R"(INSERT INTO submission (team_id, artefact,
-      track, profile, config, seeds, ranked, accepted_by, accepted_at, phase, extra_observations)
-      VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?))",
+      track, profile, config, seeds, ranked, accepted_by, accepted_at, day, phase, extra_observations)
+      VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?))",
       team_id, submission.artefact, submission.track, submission.profile, submission.config,
-      submission.seeds, submission.ranked, who, now_ms_, submission.phase,
+      submission.seeds, submission.ranked, who, now_ms_, use.day, submission.phase,
       submission.extra_observations);
   const int64_t id = db_.getLastInsertRowid();
   Run(db_, "DELETE FROM upload WHERE artefact = ?", submission.artefact);
-  Run(db_, R"(INSERT INTO admission (submission, team_id, track, phase, budget, day)
-      SELECT id, team_id, track, phase, ?, ? FROM submission WHERE id = ?)",
-      EnumName(budget), use.day, id);
   RETURN_IF_ERROR(Audit("submission", id, "", "accepted", who, SameAs(db_, submission)));
   ASSIGN_OR_RETURN(Accepted accepted,
                    Evaluations(context_).Add({.submission = id,

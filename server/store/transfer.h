@@ -2,8 +2,8 @@
 // per line, so that files of any length are written and read in pieces:
 //
 //   {"data":{
-//   "admission":[
-//   {"budget":"official","day":20058,...},
+//   "artefact":[
+//   {"bytes":20058,...},
 //   {...}
 //   ],
 //   "artefact":[

@@ -100,7 +100,7 @@ MUTANTS = [
     ("store_test", "QuotaTest.*", STORE + "quota.cc", "AND l.entry = 'charge')) GROUP BY",
      "AND l.entry = 'grant')) GROUP BY"),
     ("store_test", "QuotaTest.*", STORE + "quota.cc", "amount BETWEEN 1 AND ?", "amount < ?"),
-    ("store_test", "QuotaTest.*", STORE + "quota.cc", "admission WHERE day <= ?1", "admission WHERE day != ?1"),
+    ("store_test", "QuotaTest.*", STORE + "quota.cc", "submission WHERE day <= ?1", "submission WHERE day != ?1"),
     # What counts on a board.
     ("board_test", "*", BOARD + "board_state.cc", "} else if (!repeated) {", "} else {"),
     ("board_test", "*", BOARD + "board_results.cc", "return !entry.second->graded;", "return false;"),

@@ -143,7 +143,7 @@ class Teams(PeopleCase):
         store = sqlite3.connect(f"file:{self.data}/store.db?mode=ro", uri=True)
         self.addCleanup(store.close)
         return [store.execute(f"SELECT * FROM {table} ORDER BY 1").fetchall()
-                for table in ("submission", "admission", "ledger")]
+                for table in ("submission", "ledger")]
 
     def test_on_a_terminal_a_merge_asks(self):
         for team in ("alpha", "beta"):

@@ -141,7 +141,6 @@ std::vector<Target> TargetsIn(const TwoTeams& teams) {
     rows.emplace_back("artefact", "hash = " + of(evaluation, "artefact"));
     rows.emplace_back("seed_list", "hash = " + of(evaluation, "seeds"));
     rows.emplace_back("submission", "id = " + of(evaluation, "id"));
-    rows.emplace_back("admission", "submission = " + of(evaluation, "id"));
     rows.emplace_back("ledger", "submission = " + of(evaluation, "id"));
     rows.emplace_back("evaluation", "id = " + evaluation);
     rows.emplace_back("episode", absl::StrCat("evaluation = ", evaluation, " AND idx = 0"));

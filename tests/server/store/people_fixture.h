@@ -106,7 +106,7 @@ class PeopleTest : public StoreTest {
   std::string History() {
     SQLite::Database db(path_);
     std::string text;
-    for (const char* table : {"submission", "admission", "ledger"}) {
+    for (const char* table : {"submission", "ledger"}) {
       SQLite::Statement select(db, absl::StrCat("SELECT * FROM ", table, " ORDER BY 1"));
       while (select.executeStep()) {
         for (int i = 0; i < select.getColumnCount(); ++i) {

@@ -288,10 +288,10 @@ TEST_F(QuotaTest, NothingIsAcceptedUnderContentThatIsNotWhatItsHashSays) {
 TEST_F(QuotaTest, ADamagedAccountIsNamedAndStopsNoDay) {
   PlayFirst(Submit());
   const int64_t today = Use().day;
-  ASSERT_EQ(SqlError("DROP TRIGGER ledger_fixed; DROP TRIGGER admission_fixed; "
+  ASSERT_EQ(SqlError("DROP TRIGGER ledger_fixed; DROP TRIGGER submission_fixed; "
                      "PRAGMA ignore_check_constraints = ON; "
                      "UPDATE ledger SET amount = 9000000000000000000, day = 9000000000000000000; "
-                     "UPDATE admission SET day = 9000000000000000000"), "");
+                     "UPDATE submission SET day = 9000000000000000000"), "");
   EXPECT_EQ(Use().day, today);
   EXPECT_EQ(Use().total_of(Budget::kRanked).charged, 0);
   EXPECT_TRUE(TrySubmit("alpha", 'b', true, Rules(1, 1)).ok());
@@ -366,8 +366,8 @@ TEST_F(QuotaTest, TheSchemaRefusesToRewriteAccounts) {
        " who, why, phase FROM ledger", "gives back one charge"},
       {"UPDATE journal SET at = 0", "never changed"},
       {"DELETE FROM journal", "never deleted"},
-      {"UPDATE admission SET day = 0", "never changed"},
-      {"DELETE FROM admission", "never deleted"},
+      {"UPDATE submission SET day = 0", "never changed"},
+      {"UPDATE submission SET track = 'x'", "never changed"},
       {"DELETE FROM submission", "never deleted"},
   };
   for (const auto& [sql, error] : attempts) EXPECT_THAT(SqlError(sql), HasSubstr(error)) << sql;

@@ -150,12 +150,12 @@ TEST_F(TransferTest, IdsThatCantBeAreRefusedWithTheirRow) {
   const std::string text = Export(path_);
   int number = 0;
   for (const auto& [from, to, row, why] :
-       {std::tuple("\"submission\":1,\"team_id\":1", "\"submission\":9007199254740993,\"team_id\":1",
-                   "row 9007199254740993 of the table admission", "over 2^53"),
-        std::tuple("\"submission\":1,\"team_id\":1", "\"submission\":\"x\",\"team_id\":1",
-                   "row \"x\" of the table admission", "mismatch"),
+       {std::tuple("\"entry\":\"charge\",\"id\":1", "\"entry\":\"charge\",\"id\":9007199254740993",
+                   "row 9007199254740993 of the table ledger", "over 2^53"),
+        std::tuple("\"entry\":\"charge\",\"id\":1", "\"entry\":\"charge\",\"id\":\"x\"",
+                   "row \"x\" of the table ledger", "mismatch"),
         std::tuple("\"submission\":1,\"team_id\":1", "\"submission\":1,\"team_id\":7",
-                   "row 1 of the table admission", "a row of the table team that is not there"),
+                   "row 1 of the table ledger", "a row of the table team that is not there"),
         std::tuple("\"block\":1,\"cpu_ms\"", "\"block\":77,\"cpu_ms\"", "row 77/1 of the table attempt",
                    "a row of the table block that is not there")}) {
     const absl::Status refused =
