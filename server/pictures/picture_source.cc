@@ -171,7 +171,7 @@ absl::StatusOr<TrackConfig> ConfigOfEvaluation(const Transaction& reader, int64_
 // The episode of a log, with what it can't be played without.
 absl::StatusOr<PicturedEpisode> EpisodeOf(const Transaction& reader, const std::string& data_dir,
                                           const std::string& log) {
-  ASSIGN_OR_RETURN(const LoggedEpisode found, reader.episodes.OfLog(log));
+  ASSIGN_OR_RETURN(const EpisodeRow found, reader.episodes.OfLog(log));
   ASSIGN_OR_RETURN(TrackConfig config, ConfigOfEvaluation(reader, found.evaluation));
   PicturedEpisode shown = {std::move(config), {}, {}};
   if (CarriesOver(shown.track)) {

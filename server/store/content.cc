@@ -30,16 +30,6 @@ constexpr char kEpisodesOf[] =
     "FROM episode AS p LEFT JOIN evaluation AS e ON e.id = p.evaluation "
     "LEFT JOIN submission AS s ON s.id = e.submission ";
 
-// In unreadable text, any run of 64 hexadecimal digits is taken for a log's hash.
-void AddHashesIn(const std::string& text, std::set<std::string>& hashes) {
-  constexpr std::string_view kDigits = "0123456789abcdef";
-  for (size_t begin = text.find_first_of(kDigits); begin != std::string::npos;) {
-    const size_t end = std::min(text.find_first_not_of(kDigits, begin), text.size());
-    if (end - begin == 64) hashes.insert(text.substr(begin, 64));
-    begin = text.find_first_of(kDigits, end);
-  }
-}
-
 // Content is addressed by its hash, so a mismatch means that it is not what was stored.
 absl::StatusOr<std::string> StoredText(SQLite::Database& db, const char* table, const char* column,
                                        const std::string& hash) {
@@ -155,28 +145,17 @@ std::vector<ArtefactUse> Content::Uploads() const {
   return kUploads.List(db_, "ORDER BY u.at").rows;
 }
 
-// The logs of the episodes for which `condition` holds.
-std::set<std::string> Episodes::LogsWhere(const std::string& condition) const {
-  Statement select(db_, absl::StrCat("SELECT ", kLogOfEpisode, ", p.facts_json ", kEpisodesOf,
-                                     "WHERE ", condition, " AND (", kLogOfEpisode, ") IS NOT ''"));
-  std::set<std::string> logs;
-  while (select.executeStep()) {
-    AddHashesIn(select.getColumn(select.isColumnNull(0) ? 1 : 0).getString(), logs);
-  }
-  return logs;
-}
-
 std::set<std::string> Episodes::NeededLogs() const {
-  return LogsWhere(absl::StrCat(Over(Board()), " IS NOT TRUE"));
+  return AllValues<std::string, std::set<std::string>>(
+      db_, absl::StrCat("SELECT p.log ", kEpisodesOf, "WHERE p.log != '' AND ",
+                        Over(Board()), " IS NOT TRUE"));
 }
 
 std::set<std::string> Episodes::PracticeLogs() const {
-  std::set<std::string> logs = LogsWhere("s.ranked = 0");
-  for (const std::string& log :
-       LogsWhere(absl::StrCat(Over(Board()), " IS NOT TRUE AND s.ranked IS NOT 0"))) {
-    logs.erase(log);
-  }
-  return logs;
+  return AllValues<std::string, std::set<std::string>>(
+      db_, absl::StrCat("SELECT p.log ", kEpisodesOf, "WHERE p.log != '' AND s.ranked = 0 ",
+                        "EXCEPT SELECT p.log ", kEpisodesOf, "WHERE ", Over(Board()),
+                        " IS NOT TRUE AND s.ranked IS NOT 0"));
 }
 
 std::vector<std::string> Content::Hashes(const std::string& table) const {
@@ -196,12 +175,8 @@ absl::StatusOr<bool> Content::Remove(const std::string& kind, const std::string&
         "e.submission = s.id WHERE s.artefact = ?1 AND ",
         Over(Board()), " IS NOT TRUE LIMIT 1");
   } else {
-    const std::string open =
-        absl::StrCat(Over(Board()), " IS NOT TRUE", practice ? " AND s.ranked IS NOT 0 " : " ");
-    // Of unreadable facts, those that contain the name anywhere.
-    needed = absl::StrCat("SELECT 1 ", kEpisodesOf, "WHERE (", kLogOfEpisode, ") = ?1 AND ", open,
-                          "UNION ALL SELECT 1 ", kEpisodesOf, "WHERE (", kLogOfEpisode,
-                          ") IS NULL AND instr(p.facts_json, ?1) > 0 AND ", open, "LIMIT 1");
+    needed = absl::StrCat("SELECT 1 ", kEpisodesOf, "WHERE p.log = ?1 AND ", Over(Board()),
+                          " IS NOT TRUE", practice ? " AND s.ranked IS NOT 0" : "", " LIMIT 1");
   }
   if (AnyRow(db_, needed, name)) return false;
   if (artefact) {
@@ -237,22 +212,13 @@ std::map<std::string, std::set<std::string>> Episodes::TeamsOfLog(const std::str
   Statement select(db_,
                    absl::StrCat("SELECT DISTINCT t.name, s.phase ", kEpisodesOf,
                                 "JOIN team AS t ON t.id = s.team_id AND typeof(t.name) = 'text' "
-                                "WHERE (",
-                                kLogOfEpisode, ") = ?"),
+                                "WHERE p.log = ?"),
                    sha256);
   std::map<std::string, std::set<std::string>> teams;
   while (select.executeStep()) {
     teams[Teams(context_).NameOf(select.getColumn(0))].insert(select.getColumn(1));
   }
   return teams;
-}
-
-absl::StatusOr<LoggedEpisode> Episodes::OfLog(const std::string& sha256) const {
-  constexpr StoredRows<LoggedEpisode, 4> kLogged = {
-      "episode", "SELECT evaluation, idx, block, seed FROM episode ", /*key_columns=*/2};
-  return kLogged.First(
-      db_, absl::NotFoundError(absl::StrCat("no episode has the log ", sha256)),
-      absl::StrCat("WHERE (", kLogOfEpisode, ") = ? ORDER BY evaluation, idx LIMIT 1"), sha256);
 }
 
 absl::StatusOr<std::string> Content::ConfigJson(const std::string& hash) const {

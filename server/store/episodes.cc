@@ -108,6 +108,11 @@ absl::StatusOr<std::vector<EpisodeRow>> Episodes::Of(int64_t evaluation) const {
   return kEpisodes.All(db_, "WHERE evaluation = ? ORDER BY idx", evaluation);
 }
 
+absl::StatusOr<EpisodeRow> Episodes::OfLog(const std::string& sha256) const {
+  return kEpisodes.First(db_, absl::NotFoundError(absl::StrCat("no episode has the log ", sha256)),
+                         "WHERE log = ? ORDER BY evaluation, idx LIMIT 1", sha256);
+}
+
 absl::StatusOr<std::vector<RepeatRow>> Episodes::Repeats(int64_t evaluation) const {
   return kRepeats.All(db_, "WHERE evaluation = ? ORDER BY idx, attempt", evaluation);
 }

@@ -25,14 +25,6 @@ std::vector<std::string> DifferencesBetween(const EpisodeRow& a, const EpisodeRo
 // (TrackConfig::seed_salt), "seed_commitment" takes the place of the seed; "" for all others.
 std::string CanonicalResult(const EpisodeRow& row, const std::string& seed_salt);
 
-// Where an episode is that a log is of.
-struct LoggedEpisode {
-  int64_t evaluation = 0;
-  int64_t index = 0;
-  int64_t block = 0;
-  uint64_t seed = 0;
-};
-
 // Episodes, their logs, and what evaluations are ranked by.
 class Episodes : StorePart {
  public:
@@ -47,7 +39,7 @@ class Episodes : StorePart {
   // ("": of none).
   std::map<std::string, std::set<std::string>> TeamsOfLog(const std::string& sha256) const;
   // The first episode with this log. NotFoundError: there is none.
-  absl::StatusOr<LoggedEpisode> OfLog(const std::string& sha256) const;
+  absl::StatusOr<EpisodeRow> OfLog(const std::string& sha256) const;
   // Hashes of the logs of evaluations that have not ended, or are done and ranked.
   std::set<std::string> NeededLogs() const;
   // Hashes of the logs of practice episodes, except those that an evaluation which may rank needs
@@ -65,9 +57,6 @@ class Episodes : StorePart {
   absl::Status DropStandings();
   // How often that was done.
   int64_t TimesDropped() const;
-
- private:
-  std::set<std::string> LogsWhere(const std::string& condition) const;
 };
 
 }  // namespace myograde::server

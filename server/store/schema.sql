@@ -384,9 +384,7 @@ CREATE INDEX block_unfinished ON block (evaluation) WHERE finished_at IS NULL;
 CREATE INDEX transition_by_entity ON transition (entity, entity_id, id);
 CREATE INDEX submission_by_artefact ON submission (artefact);
 CREATE INDEX submission_by_official ON submission (team_id, artefact, config);
-CREATE INDEX episode_by_log ON episode (
-  CASE WHEN typeof(facts_json) = 'text' AND json_valid(facts_json)
-  THEN ifnull(json_extract(facts_json, '$.log.sha256'), '') END);
+CREATE INDEX episode_by_log ON episode (log);
 CREATE INDEX submission_by_phase ON submission (phase, id) WHERE phase != '';
 CREATE INDEX evaluation_by_state ON evaluation (kind, state);
 CREATE INDEX node_event_by_node ON node_event (node, id);
@@ -395,7 +393,7 @@ CREATE TRIGGER transition_fixed BEFORE UPDATE ON transition
 CREATE TRIGGER transition_kept BEFORE DELETE ON transition
   BEGIN SELECT RAISE(ABORT, 'audit rows are never deleted'); END;
 CREATE TRIGGER episode_fixed
-  BEFORE UPDATE OF evaluation, idx, block, attempt, seed, facts_json ON episode
+  BEFORE UPDATE OF evaluation, idx, block, attempt, seed, facts_json, log ON episode
   BEGIN SELECT RAISE(ABORT, 'the facts of an episode are never changed'); END;
 CREATE TRIGGER episode_kept BEFORE DELETE ON episode
   BEGIN SELECT RAISE(ABORT, 'episodes are never deleted'); END;

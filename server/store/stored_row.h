@@ -86,8 +86,8 @@ template <typename Value, typename... Values>
 std::vector<Value> AllValues(SQLite::Database& db, const std::string& sql,
                              const Values&... values) {
   Statement select(db, sql, values...);
-  std::vector<Value> all;
-  while (select.executeStep()) all.push_back(select.getColumn(0));
+  All all;
+  while (select.executeStep()) all.insert(all.end(), Value(select.getColumn(0)));
   return all;
 }
 

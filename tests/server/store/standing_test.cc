@@ -99,13 +99,13 @@ TEST_F(StandingTest, EpisodesTakeAnyShortReasonAndStandAsTheyAre) {
   SQLite::Database db(path_, SQLite::OPEN_READWRITE);
   db.exec("PRAGMA foreign_keys = ON");
   const std::string insert = "INSERT INTO episode VALUES (1, 1, 1, 1, 8, 'failure', '";
-  EXPECT_THROW(db.exec(insert + "', '{}', '{}', 5)"), SQLite::Exception);
-  EXPECT_THROW(db.exec(insert + std::string(41, 'a') + "', '{}', '{}', 5)"), SQLite::Exception);
-  db.exec(insert + "given-up', '{}', '{}', 5)");
+  EXPECT_THROW(db.exec(insert + "', '{}', '{}', 5, '')"), SQLite::Exception);
+  EXPECT_THROW(db.exec(insert + std::string(41, 'a') + "', '{}', '{}', 5, '')"), SQLite::Exception);
+  db.exec(insert + "given-up', '{}', '{}', 5, '')");
   db.exec("INSERT INTO replay VALUES (1, 1, 0, 2, '[\"digest\"]', '{}', 6)");
   for (const char* forbidden :
        {"UPDATE episode SET seed = 9", "DELETE FROM episode", "DELETE FROM replay",
-        "INSERT INTO episode VALUES (1, 90, 1, 1, 8, 'failure', 'time', '{}', '{}', 5)",
+        "INSERT INTO episode VALUES (1, 90, 1, 1, 8, 'failure', 'time', '{}', '{}', 5, '')",
         "INSERT INTO replay VALUES (2, 1, 9, 2, '[]', '{}', 6)"}) {
     EXPECT_THROW(db.exec(forbidden), SQLite::Exception) << forbidden;
   }

@@ -267,7 +267,7 @@ TEST_F(StoreTest, TheSchemaRefusesToRewriteThePast) {
       {"UPDATE submission SET ranked = 2", "CHECK"},
       {"UPDATE submission SET ranked = 'yes'", "cannot store TEXT"},
       {"INSERT INTO episode SELECT evaluation, 3, block, attempt, seed, outcome, reason, "
-       "facts_json, metrics_json, recorded_at FROM episode", "block of its evaluation"},
+       "facts_json, metrics_json, recorded_at, log FROM episode", "block of its evaluation"},
       {"INSERT INTO evaluation (submission, kind, first, last, state, grader_json, created_at) "
        "VALUES (1, 'original', 0, 1, 'queued', '{}', 0)", "UNIQUE"},
   };
