@@ -231,9 +231,8 @@ absl::StatusOr<Accepted> Engine::Rerun(const NewRerun& rerun, const std::string&
           RETURN_IF_ERROR(writer.submissions.CheckReruns(rerun.submission, who, organiser, limits));
           return writer.evaluations.Add({.submission = rerun.submission,
                                          .kind = EvaluationKind::kRerun,
-                                         .grader_json = rerun.grader_json,
-                                         .blocks = rerun.blocks},
-                                        who);
+                                         .grader_json = rerun.grader_json},
+                                        rerun.blocks, who);
         });
       },
       timeout);

@@ -63,9 +63,9 @@ absl::Status CheckNewRejudge(const NewRejudge& rejudge) {
 }
 
 // Of those listed, each is to have a result.
-absl::Status CheckListed(const NewRejudge& rejudge, const std::vector<NewEvaluation>& missing) {
+absl::Status CheckListed(const NewRejudge& rejudge, const std::vector<EvaluationRow>& missing) {
   for (const int64_t submission : rejudge.submissions) {
-    if (std::ranges::find(missing, submission, &NewEvaluation::submission) != missing.end()) continue;
+    if (std::ranges::find(missing, submission, &EvaluationRow::submission) != missing.end()) continue;
     return absl::InvalidArgumentError(
         absl::StrCat("submission ", submission,
                      " can't get further episodes: it is not ranked, has "
@@ -107,7 +107,7 @@ absl::Status JudgeAnew(const Transaction& reader, const Track& track,
     row.reason = judged->reason;
     row.metrics_json = std::move(judged->metrics_json);
   }
-  ASSIGN_OR_RETURN(item.judged, ComputeResult(track, rows));
+  ASSIGN_OR_RETURN(item.result, ComputeResult(track, rows));
   item.episodes = std::move(rows);
   return absl::OkStatus();
 }
@@ -115,14 +115,14 @@ absl::Status JudgeAnew(const Transaction& reader, const Track& track,
 // One that can't be read, or judged, is without a result, and holds up no other.
 absl::StatusOr<NewRejudgeItem> WithoutResult(const absl::Status& why, NewRejudgeItem item) {
   if (MayPass(why) || IsBrokenStore(why)) return why;
-  item.impossible = std::string(why.message());
+  item.result = {EvaluationState::kGraderError, std::string(why.message())};
   return item;
 }
 
 // An item but for its blocks and what is computed; impossible if it has to be played and the files
 // of its artefact are no longer in `data_dir`. `today` is this host's build.
 absl::StatusOr<NewRejudgeItem> ItemOf(const Transaction& reader, const RejudgeRow& rejudge,
-                                      const NewEvaluation& candidate, bool same_facts,
+                                      const EvaluationRow& candidate, bool same_facts,
                                       const Json& today, const std::string& data_dir) {
   NewRejudgeItem item{candidate};
   item.grader_json = CanonicalJson(today);
@@ -138,8 +138,9 @@ absl::StatusOr<NewRejudgeItem> ItemOf(const Transaction& reader, const RejudgeRo
   const absl::StatusOr<SubmissionRow> row = reader.submissions.Find(candidate.submission);
   if (!row.ok()) return WithoutResult(row.status(), std::move(item));
   if (!HasArtefactFiles(data_dir, row->artefact).ok()) {
-    item.impossible = absl::StrCat("it can't be played again: the files of artefact ",
-                                   row->artefact, " are no longer on this host");
+    item.result = {EvaluationState::kGraderError,
+                   absl::StrCat("it can't be played again: the files of artefact ", row->artefact,
+                                " are no longer on this host")};
   }
   return item;
 }
@@ -176,13 +177,13 @@ absl::StatusOr<RejudgePlan> PlanRejudge(const Transaction& reader, const NewReju
   ASSIGN_OR_RETURN(const Json to, ParseJson(rejudge.to_config_json, "the new config"));
   ASSIGN_OR_RETURN(const TrackConfig config, ParseTrackConfig(to, "the new config"));
   RejudgePlan plan;
-  for (const NewEvaluation& candidate : candidates) {
+  for (const EvaluationRow& candidate : candidates) {
     ASSIGN_OR_RETURN(NewRejudgeItem item,
                      ItemOf(reader, rejudge, candidate, same_facts, today, data_dir));
     ++(item.method == RejudgeMethod::kFacts ? plan.facts : plan.play);
     if (candidate.repetition == 1) {
       ++plan.submissions;
-      if (!item.impossible.empty()) plan.without_files.push_back(candidate.submission);
+      if (IsFinal(item.result.state)) plan.without_files.push_back(candidate.submission);
     }
     if (rejudge.purpose != RejudgePurpose::kSeeds) continue;
     item.blocks = SplitIntoBlocks(rejudge.seed_count, config.episodes_per_lease);
@@ -249,7 +250,7 @@ absl::Status Rejudger::Carry(const Work& work) {
   const Json today = options_.grader();
   std::vector<NewRejudgeItem> items;
   int64_t rows = 0;  // that adding them writes
-  for (const NewEvaluation& candidate : work.missing) {
+  for (const EvaluationRow& candidate : work.missing) {
     if (stop_.stop_requested()) return absl::OkStatus();
     ASSIGN_OR_RETURN(NewRejudgeItem item,
                      readers_.Read<NewRejudgeItem>([&](const Transaction& reader) {
@@ -265,12 +266,12 @@ absl::Status Rejudger::Carry(const Work& work) {
 }
 
 absl::StatusOr<NewRejudgeItem> Rejudger::Make(const Transaction& reader, const Work& work,
-                                              const NewEvaluation& candidate, const Json& today) {
+                                              const EvaluationRow& candidate, const Json& today) {
   ASSIGN_OR_RETURN(
       NewRejudgeItem item,
       ItemOf(reader, work.rejudge, candidate, work.same_facts, today, options_.data_dir));
   item.blocks = SplitIntoBlocks(std::ssize(*work.seeds), work.track->config.episodes_per_lease);
-  if (item.method != RejudgeMethod::kFacts || !item.impossible.empty()) return item;
+  if (item.method != RejudgeMethod::kFacts || IsFinal(item.result.state)) return item;
   const absl::Status judged = JudgeAnew(reader, *work.track, *work.seeds, item);
   if (!judged.ok()) return WithoutResult(judged, std::move(item));
   return item;

@@ -59,7 +59,7 @@ class Rejudger {
   // What an open rejudge lacks, and what its items need.
   struct Work {
     RejudgeRow rejudge;
-    std::vector<NewEvaluation> missing;
+    std::vector<EvaluationRow> missing;
     TrackPtr track;  // of to_config
     SeedsPtr seeds;
     bool same_facts = false;
@@ -71,7 +71,7 @@ class Rejudger {
   absl::StatusOr<Work> FindWork(const Transaction& reader, RejudgeRow rejudge);
   absl::Status Carry(const Work& work);
   absl::StatusOr<NewRejudgeItem> Make(const Transaction& reader, const Work& work,
-                                      const NewEvaluation& candidate, const nlohmann::json& today);
+                                      const EvaluationRow& candidate, const nlohmann::json& today);
 
   const RejudgerOptions options_;
   Engine& engine_;

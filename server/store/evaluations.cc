@@ -86,8 +86,8 @@ absl::StatusOr<std::vector<TransitionRow>> Evaluations::Transitions(const std::s
   return kTransitions.All(db_, "WHERE entity = ? AND entity_id = ? ORDER BY id", entity, id);
 }
 
-absl::StatusOr<Accepted> Evaluations::Add(const NewEvaluation& added, const std::string& who) {
-  const std::vector<std::pair<int64_t, int64_t>>& blocks = added.blocks;
+absl::StatusOr<Accepted> Evaluations::Add(const EvaluationRow& added, const EpisodeBlocks& blocks,
+                                          const std::string& who) {
   if (blocks.empty()) return absl::InvalidArgumentError("an evaluation needs at least one block");
   Run(db_, R"(INSERT INTO evaluation (submission, kind, first, last, state, grader_json, created_at,
       config, seeds, rejudge, repetition, source, method) VALUES (?, ?, ?, ?, 'queued', ?, ?,
@@ -120,20 +120,10 @@ absl::Status Evaluations::Note(int64_t evaluation, const std::string& who, const
 
 absl::Status Evaluations::End(int64_t evaluation, EvaluationState state, const std::string& reason,
                               const std::string& results_hash, const std::string& who) {
-  struct Ending {
-    int64_t id = 0;
-    EvaluationState before = EvaluationState::kQueued;
-    int64_t open = 0;
-  };
-  constexpr StoredRows<Ending, 3> kEndings = {
-      "evaluation",
-      "SELECT id, state, (SELECT count(*) FROM block WHERE evaluation = e.id AND "
-      "finished_at IS NULL) FROM evaluation AS e "};
-  ASSIGN_OR_RETURN(const Ending ending, kEndings.First(db_, NoSuch("evaluation", evaluation),
-                                                       "WHERE id = ?", evaluation));
-  const EvaluationState before = ending.before;
-  if (before == state) return absl::OkStatus();
-  if (!IsFinal(state) || IsFinal(before) || ending.open != 0) {
+  ASSIGN_OR_RETURN(const EvaluationRow row, Find(evaluation));
+  if (row.state == state) return absl::OkStatus();
+  const auto open = AllValues<int64_t>(db_, kOpenBlocks, evaluation);
+  if (!IsFinal(state) || IsFinal(row.state) || !open.empty()) {
     return absl::FailedPreconditionError(absl::StrCat(
         "evaluation ", evaluation, " can't end as ", std::string(EnumName(state)), ": it is ",
         std::string(EnumName(before)), ", ", ending.open, " blocks are open"));

@@ -16,20 +16,6 @@
 
 namespace myograde::server {
 
-// An evaluation to queue.
-struct NewEvaluation {
-  int64_t submission = 0;
-  EvaluationKind kind = EvaluationKind::kOriginal;
-  std::string config = "";  // "": the submission's
-  std::string seeds = "";
-  std::string grader_json = "";                          // of the build that plays it
-  std::vector<std::pair<int64_t, int64_t>> blocks = {};  // first and last episode of each
-  int64_t rejudge = 0;                                   // 0: of none, and nothing below counts
-  int64_t repetition = 0;
-  int64_t source = 0;  // the evaluation in force under from_config; done or failed
-  RejudgeMethod method = RejudgeMethod::kPlay;
-};
-
 // Evaluations and how they end. `who` and `why` go into the audit rows.
 class Evaluations : StorePart {
  public:
@@ -69,8 +55,10 @@ class Evaluations : StorePart {
   // The evaluations that a cancel of the submission ends: those of its original one and, if
   // `reruns`, its reruns that have not ended. Rejudges end by DropRejudge alone.
   std::vector<int64_t> OpenOf(int64_t submission, bool reruns);
-  // Queued, with its blocks.
-  absl::StatusOr<Accepted> Add(const NewEvaluation& added, const std::string& who);
+  // Queued, with its blocks: the first and last episode of each. Of `added` its submission, kind and
+  // build are used, and all of a rejudge's; config and seeds "" are the submission's.
+  absl::StatusOr<Accepted> Add(const EvaluationRow& added, const EpisodeBlocks& blocks,
+                               const std::string& who);
 
   // Adds to the journal how it ended; practice and reruns have no act.
   void AppendGraded(int64_t evaluation, const std::string& who);

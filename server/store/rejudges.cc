@@ -111,7 +111,7 @@ absl::StatusOr<RejudgeProgress> Rejudges::CountProgress(const RejudgeRow& rejudg
                             item.state != EvaluationState::kCancelled;
     if (item.repetition == 1 && !has_result) progress.without_result.push_back(item);
   }
-  for (const NewEvaluation& candidate : MissingItems(rejudge)) {
+  for (const EvaluationRow& candidate : MissingItems(rejudge)) {
     submissions.insert(candidate.submission);
     ++progress.missing;
   }
@@ -132,7 +132,7 @@ absl::StatusOr<RejudgeProgress> Rejudges::CountProgress(const RejudgeRow& rejudg
   return progress;
 }
 
-std::vector<NewEvaluation> Rejudges::MissingItems(const RejudgeRow& rejudge,
+std::vector<EvaluationRow> Rejudges::MissingItems(const RejudgeRow& rejudge,
                                                   const std::set<int64_t>& listed) const {
   if (rejudge.purpose == RejudgePurpose::kSeeds && listed.empty()) return {};
   // Where the config stays, what was accepted after it was applied has its result under it.
@@ -148,7 +148,7 @@ std::vector<NewEvaluation> Rejudges::MissingItems(const RejudgeRow& rejudge,
     there.emplace(select.getColumn(0).getInt64(), select.getColumn(1).getInt64());
   }
   const auto in_force = Board().InForce(rejudge.from_config, {.ignored_rejudge = rejudge.id});
-  std::vector<NewEvaluation> missing;
+  std::vector<EvaluationRow> missing;
   for (int64_t repetition = 1; repetition <= rejudge.repeats; ++repetition) {
     for (const auto& [submission, result] : in_force) {
       const AcceptedSubmission& accepted = Board().submissions().at(submission);
@@ -258,17 +258,20 @@ absl::StatusOr<Accepted> Rejudges::AddItem(const NewRejudgeItem& item, const std
     return Accepted{.submission = item.submission, .repeated = true};
   }
   if (rejudge.last() == RejudgeEvent::kDropped) return Refused(rejudge, "was dropped");
-  if (item.judged.has_value()) return AddJudged(item, who);
-  ASSIGN_OR_RETURN(Accepted added, Evaluations(context_).Add(item, who));
-  if (item.impossible.empty()) return added;
-  RETURN_IF_ERROR(Evaluations(context_).EndWithBlocks(
-      added.evaluation, EvaluationState::kGraderError, item.impossible, who));
+  const EvaluationState state = item.result.state;
+  if (state == EvaluationState::kDone || state == EvaluationState::kFailed) {
+    return AddJudged(item, who);
+  }
+  ASSIGN_OR_RETURN(Accepted added, Evaluations(context_).Add(item, item.blocks, who));
+  if (state != EvaluationState::kGraderError) return added;
+  RETURN_IF_ERROR(
+      Evaluations(context_).EndWithBlocks(added.evaluation, state, item.result.reason, who));
   added.blocks.clear();
   return added;
 }
 
 absl::StatusOr<Accepted> Rejudges::AddJudged(const NewRejudgeItem& item, const std::string& who) {
-  const EvaluationResult& result = *item.judged;
+  const EvaluationResult& result = item.result;
   const std::string state(EnumName(result.state));
   if (Run(db_, R"(INSERT INTO evaluation (submission, kind, first, last, state, reason, grader_json,
       results_hash, created_at, started_at, finished_at, config, seeds, rejudge, repetition, source,

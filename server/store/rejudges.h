@@ -9,7 +9,6 @@
 #include <cstdint>
 #include <functional>
 #include <map>
-#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -62,15 +61,14 @@ struct NewRejudge : RejudgeRow {
 // are known only there; an error undoes the change.
 using SignDocument = std::function<absl::StatusOr<std::string>(const std::string& document_json)>;
 
-// An item to add. Its evaluation is queued, unless it was computed or is impossible.
-struct NewRejudgeItem : NewEvaluation {
-  // Not "": it can't be played, or computed, for this reason: its evaluation ends as grader_error
-  // at once.
-  std::string impossible = {};
-  // Computed from facts: its evaluation is added as one that has ended, with the facts, blocks and
-  // outputs of the source. Of `episodes`, by index and one for each of the source, only index,
-  // outcome, reason and metrics_json are used.
-  std::optional<EvaluationResult> judged = {};
+// An item to add.
+struct NewRejudgeItem : EvaluationRow {
+  EpisodeBlocks blocks = {};
+  // grader_error: it can't be played, or computed, and ends at once, for its reason. done or failed:
+  // it was computed from facts, and is added with the facts, blocks and outputs of the source. Of
+  // `episodes`, by index and one for each of the source, only index, outcome, reason and metrics_json
+  // are used.
+  EvaluationResult result = {.state = EvaluationState::kQueued};
   std::vector<EpisodeRow> episodes = {};
 };
 
@@ -109,7 +107,7 @@ class Rejudges : StorePart {
   absl::StatusOr<RejudgeProgress> CountProgress(const RejudgeRow& rejudge) const;
   // The items that it lacks, first repetitions first, without what depends on how they are made. Of
   // one that is still to be created, all; of purpose kSeeds only those of `listed`.
-  std::vector<NewEvaluation> MissingItems(const RejudgeRow& rejudge,
+  std::vector<EvaluationRow> MissingItems(const RejudgeRow& rejudge,
                                           const std::set<int64_t>& listed = {}) const;
   // By submission, every episode that repetitions which have ended as done or failed differ in.
   absl::StatusOr<std::map<int64_t, std::vector<DifferentEpisode>>> ListUnrepeatable(

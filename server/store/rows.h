@@ -72,9 +72,9 @@ struct EvaluationRow {
   int64_t first = 0;
   int64_t last = 0;
   EvaluationState state = EvaluationState::kQueued;
-  std::string reason;
-  std::string grader_json;
-  std::string results_hash;
+  std::string reason = {};
+  std::string grader_json = {};  // the build that plays it
+  std::string results_hash = {};
   int64_t started_at = 0;
   int64_t finished_at = 0;
   // Hashes of what it is played under: the submission's, unless it is a rejudge.
@@ -83,7 +83,7 @@ struct EvaluationRow {
   // Of a rejudge; 0: of none.
   int64_t rejudge = 0;
   int64_t repetition = 0;  // from 1 on
-  int64_t source = 0;      // the evaluation that it is the new result of
+  int64_t source = 0;      // the evaluation in force before, which has a result
   RejudgeMethod method = RejudgeMethod::kPlay;  // kFacts or kPlay
 };
 

@@ -126,9 +126,8 @@ std::string Submissions::WithHold(int64_t evaluation, const std::string& why) {
 absl::Status Submissions::CheckReruns(int64_t submission, const std::string& who, bool organiser,
                                       const RerunLimits& limits) {
   if (!organiser) {
-    const std::string team = FirstValue<std::string>(db_, R"(SELECT t.name
-        FROM submission AS s JOIN team AS t ON t.id = s.team_id WHERE s.id = ?)",
-                                                     submission);
+    ASSIGN_OR_RETURN(const std::string name, TeamOf(submission));
+    ASSIGN_OR_RETURN(const TeamInForce team, Teams(context_).Named(name));
     RETURN_IF_ERROR(Teams(context_).CheckNotBanned(team));
     const auto [artefact, grader_json] =
         FirstRow<std::string, std::string>(db_, R"(SELECT s.artefact, e.grader_json
@@ -214,11 +213,9 @@ absl::StatusOr<Accepted> Submissions::Accept(const NewSubmission& asked,
   Run(db_, "DELETE FROM upload WHERE artefact = ?", submission.artefact);
   RETURN_IF_ERROR(Audit("submission", id, "", "accepted", who, SameAs(db_, submission)));
   ASSIGN_OR_RETURN(Accepted accepted,
-                   Evaluations(context_).Add({.submission = id,
-                                              .kind = EvaluationKind::kOriginal,
-                                              .grader_json = submission.grader_json,
-                                              .blocks = submission.blocks},
-                                             who));
+                   Evaluations(context_).Add(
+                       {.submission = id, .grader_json = submission.grader_json},
+                       submission.blocks, who));
   if (!submission.ranked) return accepted;
   Append({.kind = kAcceptedAct,
           .who = who,

@@ -19,6 +19,8 @@
 
 namespace myograde::server {
 
+using EpisodeBlocks = std::vector<std::pair<int64_t, int64_t>>;  // first and last episode of each
+
 struct Accepted {
   int64_t submission = 0;
   int64_t evaluation = 0;
@@ -56,7 +58,7 @@ struct NewSubmission : SubmissionRow {
   std::string seeds_json;   // array of numbers, canonical; `seeds` is its hash
   int64_t seed_count = 0;
   std::string grader_json;
-  std::vector<std::pair<int64_t, int64_t>> blocks;  // first and last episode of each block
+  EpisodeBlocks blocks;
   RequestKey request_key = {};
   std::optional<Founding> founding = std::nullopt;  // of its team, in the same change
   // Why nothing new is accepted; OkStatus(): it is. The ranked evaluation that an artefact has
@@ -68,7 +70,7 @@ struct NewRerun {
   int64_t submission = 0;
   std::string artefact;  // the submission's
   std::string grader_json;
-  std::vector<std::pair<int64_t, int64_t>> blocks;
+  EpisodeBlocks blocks;
   RequestKey request_key = {};
 };
 

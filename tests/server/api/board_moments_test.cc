@@ -145,7 +145,7 @@ class Board {
   void Follow(size_t which, bool play, double number) {
     if (rejudges_ == 0) return;
     const int64_t id = static_cast<int64_t>(which % rejudges_) + 1;
-    std::vector<NewEvaluation> missing;
+    std::vector<EvaluationRow> missing;
     Read([&](const Transaction& reader) {
       const absl::StatusOr<RejudgeRow> row = reader.rejudges.Find(id);
       if (row.ok()) missing = reader.rejudges.MissingItems(*row);
@@ -154,7 +154,7 @@ class Board {
     EpisodeRow judged;
     judged.outcome = Outcome::kSuccess;
     judged.metrics_json = "{}";
-    for (const NewEvaluation& item : missing) {
+    for (const EvaluationRow& item : missing) {
       // It may have been dropped, or hold an evaluation without episodes.
       (void)store_->Write([&](Transaction& writer) -> absl::Status {
         if (play) {
@@ -167,7 +167,7 @@ class Board {
         }
         NewRejudgeItem computed{item};
         computed.method = RejudgeMethod::kFacts;
-        computed.judged = {.results_hash = "y", .aggregate = AggregateWith(number)};
+        computed.result = {.results_hash = "y", .aggregate = AggregateWith(number)};
         computed.episodes = {judged};
         return writer.rejudges.AddItem(computed, "daemon").status();
       });
@@ -390,13 +390,12 @@ TEST_F(RejudgedBoard, TellsWhatStandsUnderOtherConfigs) {
     EXPECT_EQ(others.size(), 1u);
     EXPECT_EQ(others.at(0).config, old_hash);
     EXPECT_EQ(others.at(0).submissions, 2);
-    EXPECT_EQ(reader.Board().RankedElsewhere(name, new_hash, {}), 0)
-        << "the rejudge brought them here";
+    EXPECT_EQ(others.at(0).left, 0) << "the rejudge brought them here";
     const std::vector<OtherConfig> newer = reader.Board().OtherConfigs(name, old_hash, {});
     EXPECT_EQ(newer.size(), 1u);
     EXPECT_EQ(newer.at(0).submissions, 3);
     EXPECT_EQ(newer.at(0).teams, 3);
-    EXPECT_EQ(reader.Board().RankedElsewhere(name, old_hash, {}), 1);
+    EXPECT_EQ(newer.at(0).left, 1);
     EXPECT_EQ(reader.Board().ConfigsLike(new_hash.substr(0, 8), false), std::set{new_hash});
     EXPECT_TRUE(reader.Board().ConfigsLike("00000000", true).empty());
     EXPECT_TRUE(reader.Board().WasApplied(reader.evaluations.Find(3)->rejudge));

@@ -87,7 +87,7 @@ TEST_F(DeliveriesTest, ARerunIsToldToNobody) {
                   ->Write([&](Transaction& writer) {
                     auto added = writer.evaluations.Add(
                         {.submission = accepted.submission, .kind = EvaluationKind::kRerun,
-                         .grader_json = "{}", .blocks = {{0, 1}}}, "uid 0");
+                         .grader_json = "{}"}, {{0, 1}}, "uid 0");
                     if (added.ok()) rerun = *added;
                     return added.status();
                   })

@@ -143,8 +143,8 @@ TEST_F(QuotaTest, AnArtefactWhoseEveryTryIsTheGradersFaultIsHeldBack) {
     EXPECT_EQ(ErrorCodeOf(own), "held_back") << own;
     EXPECT_TRUE(writer.submissions.CheckReruns(1, "uid 0", /*organiser=*/true, {}).ok());
     auto added = writer.evaluations.Add(
-        {.submission = 1, .kind = EvaluationKind::kRerun, .grader_json = "{}",
-         .blocks = {{0, 1}, {2, 3}}}, "uid 0");
+        {.submission = 1, .kind = EvaluationKind::kRerun, .grader_json = "{}"},
+        {{0, 1}, {2, 3}}, "uid 0");
     if (added.ok()) rerun = *added;
     return added.status();
   }).ok());

@@ -130,7 +130,7 @@ TEST_F(RemovalTest, ALaterEvaluationNeedsTheFilesOfAnEarlierOne) {
   ASSERT_TRUE(Write([&](Transaction& writer) -> absl::Status {
                 auto added = writer.evaluations.Add(
                     {.submission = practice->submission, .kind = EvaluationKind::kRerun,
-                     .grader_json = "{}", .blocks = {{0, 1}}}, "d");
+                     .grader_json = "{}"}, {{0, 1}}, "d");
                 if (added.ok()) rerun = *added;
                 return added.status();
               }).ok());

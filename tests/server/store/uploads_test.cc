@@ -121,8 +121,8 @@ class RerunsTest : public StoreTest {
         return status;
       }
       auto added = writer.evaluations.Add(
-          {.submission = submission, .kind = EvaluationKind::kRerun, .grader_json = "{}",
-           .blocks = {{0, 1}}}, who);
+          {.submission = submission, .kind = EvaluationKind::kRerun, .grader_json = "{}"}, {{0, 1}},
+          who);
       if (added.ok()) last_ = *added;
       return added.status();
     });
