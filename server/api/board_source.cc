@@ -219,20 +219,9 @@ absl::StatusOr<BoardSource> SourceOf(const Transaction& reader, const Track& tra
   std::vector<int64_t> evaluations;
   for (const auto& [submission, result] : in_force) evaluations.push_back(result->evaluation);
   std::map<int64_t, Json> standings = reader.episodes.Standings(evaluations);
-  for (const auto& [submission, result] : in_force) {
-    const TeamState* team = board.TeamOf(submission);
-    if (result->failed || team->banned) continue;
-    const absl::StatusOr<SubmissionRow> stored = reader.submissions.Find(submission);
-    StandingRow row{.submission = submission,
-                    .evaluation = result->evaluation,
-                    .team = team->name,
-                    .artefact_name = stored.ok() ? stored->artefact_name : "",
-                    .aggregate = std::move(standings[result->evaluation]),
-                    .chosen = chosen.contains(submission),
-                    .rejudge = result->rejudge};
-    absl::Status filled = stored.status();
-    if (filled.ok()) filled = FillRow(reader, track, row);
-    if (filled.ok()) {
+  for (StandingRow& row : rows) {
+    row.aggregate = std::move(standings[row.evaluation]);
+    if (const absl::Status filled = FillRow(reader, track, row); filled.ok()) {
       source.standings.push_back(std::move(row));
     } else if (const std::optional<Damage> damage = ExtractDamage(filled)) {
       source.damaged.push_back(*damage);

@@ -55,6 +55,22 @@ std::map<int64_t, const BoardResult*> BoardState::InForce(const std::string& con
   return in_force;
 }
 
+std::vector<StandingRow> BoardState::Candidates(const std::string& config,
+                                                const BoardMoment& moment) const {
+  std::vector<StandingRow> rows;
+  const std::set<int64_t> chosen = Chosen(config, moment);
+  for (const auto& [submission, result] : InForce(config, moment)) {
+    const TeamState* team = TeamOf(submission);
+    if (result->failed || team == nullptr || team->banned) continue;
+    rows.push_back({.submission = submission,
+                    .evaluation = result->evaluation,
+                    .team = team->name,
+                    .chosen = chosen.contains(submission),
+                    .rejudge = result->rejudge});
+  }
+  return rows;
+}
+
 bool BoardState::Withholds(const std::string& config, const BoardMoment& moment) const {
   if (moment.freeze_ms >= moment.before_ms) return false;
   return std::ranges::any_of(Deciding(config, moment, moment.before_ms), [&](const auto& entry) {

@@ -64,8 +64,10 @@ absl::StatusOr<bool> Content::AddArtefact(const ArtefactRow& artefact) {
 
 absl::Status Content::AddUpload(const ArtefactRow& artefact, const NewUpload& upload,
                                 const UnsubmittedLimits& limits) {
-  RETURN_IF_ERROR(Teams(context_).CheckNotBanned(upload.team));
-  const std::string team = Teams(context_).NameOf(upload.team);
+  const absl::StatusOr<TeamInForce> known = Teams(context_).Named(upload.team);
+  if (!known.ok() && !absl::IsNotFound(known.status())) return known.status();
+  RETURN_IF_ERROR(Teams(context_).CheckNotBanned(known.value_or(TeamInForce())));
+  const std::string team = known.ok() ? known->name : upload.team;
   Run(db_, "INSERT INTO artefact_holder VALUES (?, ?, ?) ON CONFLICT DO NOTHING", artefact.hash,
       upload.uploader, team);
   if (AnyRow(db_, "SELECT 1 FROM submission WHERE artefact = ? LIMIT 1", artefact.hash) ||

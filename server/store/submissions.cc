@@ -183,8 +183,9 @@ absl::StatusOr<Accepted> Submissions::Accept(const NewSubmission& asked,
   }
   // In this transaction, so that of two names that look alike the second is rejected.
   NewSubmission submission = asked;
-  ASSIGN_OR_RETURN(submission.team, Teams(context_).Allowed(asked.team));
-  RETURN_IF_ERROR(Teams(context_).CheckNotBanned(submission.team));
+  ASSIGN_OR_RETURN(const TeamInForce team, Teams(context_).Allowed(asked.team));
+  RETURN_IF_ERROR(Teams(context_).CheckNotBanned(team));
+  submission.team = team.name;
   if (submission.ranked) {
     ASSIGN_OR_RETURN(std::optional<Accepted> first, FindOfficial(submission, rules));
     if (first.has_value()) return *first;

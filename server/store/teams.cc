@@ -244,21 +244,15 @@ void FillTeamSkeletons(SQLite::Database& db) {
   if (!fits) SetMeta(db, "team_skeletons", version);
 }
 
-absl::StatusOr<std::string> Teams::Allowed(const std::string& name) const {
-  if (const int64_t row = TeamRowNamed(db_, name); row != 0) {
-    ASSIGN_OR_RETURN(const TeamInForce team, TeamOfRow(db_, row));
-    return team.name;
-  }
-  absl::StatusOr<std::string> clean = CleanName(name, "the team's name");
-  if (!clean.ok()) return clean;
-  RETURN_IF_ERROR(CheckNotConfusable(db_, *clean, 0));
-  return clean;
+absl::StatusOr<TeamInForce> Teams::Allowed(const std::string& name) const {
+  absl::StatusOr<TeamInForce> team = Named(name);
+  if (!absl::IsNotFound(team.status())) return team;
+  ASSIGN_OR_RETURN(std::string clean, CleanName(name, "the team's name"));
+  RETURN_IF_ERROR(CheckNotConfusable(db_, clean, 0));
+  return TeamInForce{.name = std::move(clean)};
 }
 
-absl::Status Teams::CheckNotBanned(const std::string& name) const {
-  const int64_t row = TeamRowNamed(db_, name);
-  if (row == 0) return absl::OkStatus();
-  ASSIGN_OR_RETURN(const TeamInForce team, TeamOfRow(db_, row));
+absl::Status Teams::CheckNotBanned(const TeamInForce& team) const {
   if (!team.banned) return absl::OkStatus();
   std::string why;
   for (const TeamEventRow& event : Board().TeamEvents(team.id)) {
@@ -303,7 +297,8 @@ absl::Status Teams::Create(const std::string& team, const std::string& who,
 }
 
 absl::Status Teams::Found(const std::string& team, const std::string& person, int64_t most) {
-  ASSIGN_OR_RETURN(const std::string name, Allowed(team));
+  ASSIGN_OR_RETURN(const TeamInForce found, Allowed(team));
+  const std::string& name = found.name;
   std::set<std::string> teams = OfPerson(person);
   if (teams.contains(name)) return absl::OkStatus();
   // Also of teams that were merged into it, and those who were removed; a team may also be of
@@ -314,7 +309,7 @@ absl::Status Teams::Found(const std::string& team, const std::string& person, in
                           " UNION ALL SELECT 1 FROM token WHERE team_id IN ", rows,
                           " UNION ALL SELECT 1 FROM submission WHERE team_id IN ", rows,
                           " AND accepted_by != ?2 LIMIT 1"),
-             IdOf(name), person)) {
+             found.id, person)) {
     return Forbid(absl::StrCat("team \"", name, "\" belongs to others, and ", person,
                                " is not a member of it; choose another name, or ask an organiser to "
                                "add you"));
@@ -418,8 +413,8 @@ std::vector<TeamEventRow> Teams::Events(const std::string& team) const {
 }
 
 absl::Status Teams::Check(const std::string& team) const {
-  RETURN_IF_ERROR(Allowed(team).status());
-  return CheckNotBanned(team);
+  ASSIGN_OR_RETURN(const TeamInForce allowed, Allowed(team));
+  return CheckNotBanned(allowed);
 }
 
 }  // namespace myograde::server

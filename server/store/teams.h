@@ -42,14 +42,14 @@ class Teams : StorePart {
 
   // Whether a team may submit: errors of Allowed and CheckNotBanned.
   absl::Status Check(const std::string& team) const;
-  // FailedPreconditionError with the code "banned" if there is such a team, and it is banned.
-  absl::Status CheckNotBanned(const std::string& team) const;
-  // The stored name of the team called `name`: an existing team's as it is today, else the clean
-  // form (CleanName) that a new team would get.
+  // FailedPreconditionError with the code "banned" if it is.
+  absl::Status CheckNotBanned(const TeamInForce& team) const;
+  // The team called `name` or, with the id 0, one that there could be: by the clean form of the name
+  // (CleanName).
   //   InvalidArgumentError      no such team, and the name is not allowed
   //   FailedPreconditionError   code "look_alike": no such team, and the name looks like another's,
   //                             which ResembledTeam returns
-  absl::StatusOr<std::string> Allowed(const std::string& name) const;
+  absl::StatusOr<TeamInForce> Allowed(const std::string& name) const;
   // A damaged row (damage.h) if the team can't be read.
   absl::StatusOr<TeamInForce> Named(const std::string& name) const;
   // Its id; 0: there is none, or it can't be read.

@@ -56,10 +56,8 @@ absl::StatusOr<std::vector<StandingRow>> ListStandings(
     const std::string& config) {
   const std::set<int64_t> chosen = record.Chosen(config);
   std::vector<StandingRow> standings;
-  for (const auto& [submission, ended] : record.InForce(config)) {
-    const TeamState* team = record.TeamOf(submission);
-    const auto result = results.find(ended->evaluation);
-    if (team->banned) continue;
+  for (StandingRow& row : record.Candidates(config)) {
+    const auto result = results.find(row.evaluation);
     if (result == results.end()) {
       if (marks.contains({submission, kHidden})) continue;
       return absl::UnavailableError(absl::StrCat("the receipt of evaluation ", ended->evaluation,

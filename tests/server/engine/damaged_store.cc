@@ -40,11 +40,8 @@ std::string BoardText(ReaderPool& readers, const std::string& config) {
       const absl::StatusOr<nlohmann::json> standing = ReadStanding(reader, result->evaluation);
       if (!standing.ok() && !ExtractDamage(standing.status())) return standing.status();
       if (!standing.ok()) damaged.push_back(*ExtractDamage(standing.status()));
-      rows.push_back({.submission = submission,
-                      .evaluation = result->evaluation,
-                      .team = state.TeamOf(submission)->name,
-                      .artefact_name = "",
-                      .aggregate = standing.value_or(nullptr)});
+      row.aggregate = standing.value_or(nullptr);
+      rows.push_back(std::move(row));
     }
     const absl::StatusOr<Leaderboard> board =
         MakeLeaderboard(rows, state.MarksAt(),
