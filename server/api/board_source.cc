@@ -157,9 +157,11 @@ absl::Status AddConfigs(const Request& request, const Transaction& reader, const
   return absl::OkStatus();
 }
 
-// What the view lacks, or has of other numbers than today's, is made of the episode rows on the
-// spot.
+// Completes a row, which has what the view says. What the view lacks, or has of other numbers than
+// today's, is made of the episode rows on the spot.
 absl::Status FillRow(const Transaction& reader, const Track& track, StandingRow& row) {
+  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(row.submission));
+  row.artefact_name = submission.artefact_name;
   if (HasRankedNumbers(*track.scoring.track, row.aggregate)) return absl::OkStatus();
   ASSIGN_OR_RETURN(row.aggregate, ReadStanding(reader, row.evaluation));
   return absl::OkStatus();
@@ -213,11 +215,9 @@ absl::StatusOr<BoardSource> SourceOf(const Transaction& reader, const Track& tra
   for (const auto& [act, what] : board.damaged()) {
     source.damaged.push_back({"journal", absl::StrCat(act), what});
   }
-  const bool choose = track.scoring.team == scoring::TeamRule::kChosen;
-  const std::set<int64_t> chosen = choose ? board.Chosen(config, moment) : std::set<int64_t>();
-  const std::map<int64_t, const BoardResult*> in_force = board.InForce(config, moment);
+  std::vector<StandingRow> rows = board.Candidates(config, moment);
   std::vector<int64_t> evaluations;
-  for (const auto& [submission, result] : in_force) evaluations.push_back(result->evaluation);
+  for (const StandingRow& row : rows) evaluations.push_back(row.evaluation);
   std::map<int64_t, Json> standings = reader.episodes.Standings(evaluations);
   for (StandingRow& row : rows) {
     row.aggregate = std::move(standings[row.evaluation]);

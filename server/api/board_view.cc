@@ -43,11 +43,11 @@ void AddBuilds(const Transaction& reader, const Leaderboard& board, Json& json) 
 
 // What ranked submissions stand under beside the board's config.
 void AddOtherConfigs(const Transaction& reader, const BoardQuery& asked, Json& json) {
-  const std::string& config = asked.track->config.hash;
-  const BoardMoment moment = asked.moment();
-  json["other_config"] = reader.Board().RankedElsewhere(asked.name(), config, moment);
+  int64_t left = 0;
   json["other_configs"] = Json::array();
-  for (const OtherConfig& other : reader.Board().OtherConfigs(asked.name(), config, moment)) {
+  for (const OtherConfig& other :
+       reader.Board().OtherConfigs(asked.name(), asked.track->config.hash, asked.moment())) {
+    left += other.left;
     json["other_configs"].push_back({{"config", other.config},
                                      {"submissions", other.submissions},
                                      {"teams", other.teams},

@@ -65,6 +65,14 @@ struct Act {
   nlohmann::json content;  // public and private keys
 };
 
+// What every act tells.
+struct ActRow {
+  int64_t id = 0;
+  int64_t at = 0;
+  std::string who;
+  std::string why;  // "": no reason is told
+};
+
 // The act that an entry of a public record tells. InvalidArgumentError if it has no kind or no
 // time.
 absl::StatusOr<Act> ActOfEntry(int64_t index, nlohmann::json entry);
@@ -95,9 +103,7 @@ struct BoardMoment {
 };
 
 // From then on the board had this config.
-struct BoardConfigRow {
-  int64_t id = 0;
-  int64_t at = 0;
+struct BoardConfigRow : ActRow {
   std::string config;       // its hash
   int64_t rejudge = 0;      // whose act it was; 0: the config files changed
   std::string from_config;  // of that rejudge; "": none
@@ -107,27 +113,20 @@ struct BoardConfigRow {
 inline constexpr char kHidden[] = "hidden";
 inline constexpr char kDisqualified[] = "disqualified";
 inline constexpr char kBaseline[] = "baseline";
-struct MarkRow {
-  int64_t at = 0;
+struct MarkRow : ActRow {
   int64_t submission = 0;
   std::string mark;
   bool set = false;
-  std::string who;
-  std::string why;
 };
 
 // The marks in force, by submission and name.
 using Marks = std::map<std::pair<int64_t, std::string>, MarkRow>;
 
 // An act on a team.
-struct TeamEventRow {
-  int64_t id = 0;
-  int64_t at = 0;
+struct TeamEventRow : ActRow {
   std::string team;    // today's name of the team that it was done to
   std::string event;   // "created", "renamed", "merged", "banned", "unbanned"
   std::string detail;  // the name before, or the team that it was merged into; else ""
-  std::string who;
-  std::string why;
 };
 
 // An act on a phase of a challenge. The newest pause or resumption of a phase is in force; the
@@ -136,13 +135,9 @@ inline constexpr char kPausedEvent[] = "paused";
 inline constexpr char kResumedEvent[] = "resumed";
 inline constexpr char kPublishedEvent[] = "published";
 inline constexpr char kRevealedEvent[] = "revealed";
-struct PhaseEventRow {
-  int64_t id = 0;
-  int64_t at = 0;
+struct PhaseEventRow : ActRow {
   std::string phase;  // "" for a pause and a resumption: all submissions
   std::string event;
-  std::string who;
-  std::string why;
 };
 
 // Rejudges: all submissions of a board judged again.
@@ -169,13 +164,9 @@ enum class RejudgeEvent { kCreated, kApplied, kDropped };
 template <>
 inline constexpr std::string_view kNamesOf<RejudgeEvent>[] = {"created", "applied", "dropped"};
 
-struct RejudgeEventRow {
-  int64_t id = 0;  // of the act
-  int64_t at = 0;
+struct RejudgeEventRow : ActRow {
   int64_t rejudge = 0;
   RejudgeEvent event = RejudgeEvent::kCreated;
-  std::string who;
-  std::string why;
   nlohmann::json document;  // null: it is not public
   std::string signature;    // 128 hexadecimal digits: Ed25519 over the document's canonical JSON
 };

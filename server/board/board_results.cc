@@ -96,6 +96,7 @@ std::set<int64_t> BoardState::NeededByRejudges() const {
 }
 
 std::set<int64_t> BoardState::Chosen(const std::string& config, const BoardMoment& moment) const {
+  if (choices_.empty()) return {};
   const auto deciding = Deciding(config, moment, moment.results_before_ms());
   std::map<int64_t, int64_t> by_team;
   for (const Choice& choice : choices_) {
@@ -213,6 +214,7 @@ std::vector<OtherConfig> BoardState::OtherConfigs(const BoardName& board, const 
   for (const auto& [hash, evaluations] : originals_) hashes.insert(hash);
   for (const auto& [id, rejudge] : rejudges_) hashes.insert(rejudge.to_config);
   hashes.erase(config);
+  const auto here = Deciding(config, moment, moment.results_before_ms());
   std::vector<OtherConfig> others;
   for (const std::string& hash : hashes) {
     OtherConfig other{.config = hash};
@@ -221,6 +223,7 @@ std::vector<OtherConfig> BoardState::OtherConfigs(const BoardName& board, const 
       const AcceptedSubmission& submission = submissions_.at(id);
       if (submission.board != board || !result->stands()) continue;
       teams.insert(TeamInForce(submission.team));
+      other.left += submission.config == hash && !here.contains(id);
       other.first_at =
           ++other.submissions == 1 ? submission.at : std::min(other.first_at, submission.at);
       other.last_at = std::max(other.last_at, submission.at);
@@ -232,19 +235,6 @@ std::vector<OtherConfig> BoardState::OtherConfigs(const BoardName& board, const 
     return std::tie(other.first_at, other.config);
   });
   return others;
-}
-
-int64_t BoardState::RankedElsewhere(const BoardName& board, const std::string& config,
-                                    const BoardMoment& moment) const {
-  const int64_t before = moment.results_before_ms();
-  const auto deciding = Deciding(config, moment, before);
-  return std::ranges::count_if(results_, [&](const auto& entry) {
-    const BoardResult& result = entry.second;
-    const auto found = submissions_.find(result.submission);
-    return result.rejudge == 0 && result.config != config && result.stands() &&
-           result.at < before && found != submissions_.end() && found->second.board == board &&
-           !deciding.contains(result.submission);
-  });
 }
 
 std::set<std::string> BoardState::ConfigsLike(const std::string& prefix,

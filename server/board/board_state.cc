@@ -29,6 +29,10 @@ int64_t NumberOrZero(const Json& content, const char* key) {
   return found == content.end() || found->is_null() ? 0 : found->get<int64_t>();
 }
 
+ActRow RowOf(const Act& act) {
+  return {act.id, act.at, act.who, act.content.value("why", act.content.value("reason", ""))};
+}
+
 BoardName BoardAt(const Json& content) {
   return {TextOrEmpty(content, "phase"), TextAt(content, "track"), TextAt(content, "profile")};
 }
@@ -171,23 +175,14 @@ absl::Status BoardState::AddCommitment(const Act& act) {
 }
 
 void BoardState::AddMark(const Act& act) {
-  MarkRow mark{.at = act.at,
-               .submission = NumberAt(act.content, "submission"),
-               .mark = TextAt(act.content, "mark"),
-               .set = act.content.at("set").get<bool>(),
-               .who = act.who,
-               .why = act.content.value("why", act.content.value("reason", ""))};
+  MarkRow mark{RowOf(act), NumberAt(act.content, "submission"), TextAt(act.content, "mark"),
+               act.content.at("set").get<bool>()};
   marks_[mark.submission].push_back(std::move(mark));
 }
 
 void BoardState::AddTeam(const Act& act) {
-  TeamEventRow event{.id = act.id,
-                     .at = act.at,
-                     .team = "",
-                     .event = TextAt(act.content, "event"),
-                     .detail = act.content.value("detail", ""),
-                     .who = act.who,
-                     .why = act.content.value("why", "")};
+  TeamEventRow event{RowOf(act), /*team=*/"", TextAt(act.content, "event"),
+                     act.content.value("detail", "")};
   const int64_t into = event.event == "merged" ? NumberAt(act.content, "into") : 0;
   std::string name = TextAt(act.content, "team");
   TeamState& team = teams_[NumberAt(act.content, "team_id")];
@@ -198,40 +193,24 @@ void BoardState::AddTeam(const Act& act) {
 }
 
 void BoardState::AddPhase(const Act& act) {
-  PhaseEventRow event{.id = act.id,
-                      .at = act.at,
-                      .phase = TextOrEmpty(act.content, "phase"),
-                      .event = TextAt(act.content, "event"),
-                      .who = act.who,
-                      .why = act.content.value("why", "")};
+  PhaseEventRow event{RowOf(act), TextOrEmpty(act.content, "phase"), TextAt(act.content, "event")};
   PhaseHistory& phase = phases_[event.phase];
   if (event.event == kRevealedEvent) phase.secret = TextOrEmpty(act.content, "secret");
   phase.events.push_back(std::move(event));
 }
 
 void BoardState::AddConfig(const Act& act) {
-  BoardConfigRow config{.id = act.id,
-                        .at = act.at,
-                        .config = TextAt(act.content, "config"),
-                        .rejudge = NumberOrZero(act.content, "rejudge"),
-                        .from_config = ""};
-  if (const RejudgeRow* rejudge = Rejudge(config.rejudge))
-    config.from_config = rejudge->from_config;
-  configs_[BoardAt(act.content)].push_back(std::move(config));
+  const int64_t rejudge = NumberOrZero(act.content, "rejudge");
+  configs_[BoardAt(act.content)].push_back(
+      {RowOf(act), TextAt(act.content, "config"), rejudge, FindOrNone(rejudges_, rejudge).from_config});
 }
 
 // Until a rejudge is applied, a public record tells nothing but that it was created.
 void BoardState::AddRejudge(const Act& act) {
   RejudgeEventRow event{
-      .id = act.id,
-      .at = act.at,
-      .rejudge = NumberAt(act.content, "rejudge"),
-      .event =
-          ParseEnum<RejudgeEvent>(TextAt(act.content, "event")).value_or(RejudgeEvent::kCreated),
-      .who = act.who,
-      .why = "",
-      .document = {},
-      .signature = TextAt(act.content, "signature")};
+      RowOf(act), NumberAt(act.content, "rejudge"),
+      ParseEnum<RejudgeEvent>(TextAt(act.content, "event")).value_or(RejudgeEvent::kCreated),
+      /*document=*/{}, TextAt(act.content, "signature")};
   RejudgeRow rejudge = FindOrNone(rejudges_, event.rejudge);
   if (const auto document = act.content.find("document"); document != act.content.end()) {
     event.who = TextAt(*document, "who");

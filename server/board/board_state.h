@@ -42,6 +42,18 @@ struct BoardResult {
   bool stands() const { return graded && !failed; }
 };
 
+// A candidate row of a board.
+struct StandingRow {
+  int64_t submission = 0;
+  int64_t evaluation = 0;
+  std::string team;
+  bool chosen = false;  // by its team, where teams choose
+  int64_t rejudge = 0;  // whose evaluation it is; 0: it is the original
+  // Not of the journal:
+  std::string artefact_name = {};
+  nlohmann::json aggregate = {};  // what it is ranked by (AggregateToJson)
+};
+
 struct TeamState {
   std::string name;
   bool banned = false;
@@ -71,6 +83,7 @@ struct PhaseHistory {
 struct OtherConfig {
   std::string config;       // its hash
   int64_t submissions = 0;  // that have a result under it
+  int64_t left = 0;         // of those accepted under it, without one under the config asked about
   int64_t teams = 0;
   int64_t first_at = 0;  // when the earliest and the latest of them were accepted
   int64_t last_at = 0;
@@ -102,6 +115,10 @@ class BoardState {
   // a result takes the submission off the board. A banned team's are among them.
   std::map<int64_t, const BoardResult*> InForce(const std::string& config,
                                                 const BoardMoment& moment = {}) const;
+  // The candidate rows that follow: of those that have not failed, as far as is known here, and whose
+  // team is not banned. By submission, without what the journal does not tell.
+  std::vector<StandingRow> Candidates(const std::string& config,
+                                      const BoardMoment& moment = {}) const;
   // Whether a freeze leaves out some of them.
   bool Withholds(const std::string& config, const BoardMoment& moment) const;
   // The submissions that teams stand with where they choose: each team's newest choice of those
@@ -127,9 +144,6 @@ class BoardState {
   // The other configs of a board that ranked submissions stand under, the earliest first.
   std::vector<OtherConfig> OtherConfigs(const BoardName& board, const std::string& config,
                                         const BoardMoment& moment) const;
-  // The number of originals among them that no rejudge has brought to `config`.
-  int64_t RankedElsewhere(const BoardName& board, const std::string& config,
-                          const BoardMoment& moment) const;
   // Hashes that begin with `prefix`, of configs that a board has or had, or has been rejudged to;
   // also by rejudges that were never applied, if asked for.
   std::set<std::string> ConfigsLike(const std::string& prefix, bool of_open_rejudges) const;

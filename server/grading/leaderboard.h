@@ -15,8 +15,7 @@
 #include "scoring/aggregate.h"
 #include "scoring/board.h"
 #include "scoring/track.h"
-#include "server/board/acts.h"
-#include "server/store/rows.h"
+#include "server/board/board_state.h"
 
 namespace myograde::server {
 
@@ -43,10 +42,10 @@ struct Leaderboard {
 absl::StatusOr<Leaderboard> MakeLeaderboard(const std::vector<StandingRow>& standings,
                                             const Marks& marks, const scoring::BoardRules& rules,
                                             const scoring::TrackScoring& scoring);
+
 // The keys that answers and copies of the record have of each row, and of both lists.
 nlohmann::json RowToJson(const LeaderboardRow& row);
 nlohmann::json BoardToJson(const Leaderboard& board);
-
 
 // Whether an aggregate has every number that the track ranks by; one of another version may not.
 bool HasRankedNumbers(const scoring::ScoredTrack& track, const nlohmann::json& aggregate);

@@ -141,7 +141,8 @@ absl::StatusOr<std::vector<std::string>> Episodes::Record(const EpisodeRow& row)
                            absl::StrCat(", the episode is of ", row.attempt));
   }
   if (Run(db_, R"(INSERT INTO episode
-      VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (evaluation, idx) DO NOTHING)",
+      VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ifnull(json_extract(?8, '$.log.sha256'), ''))
+      ON CONFLICT (evaluation, idx) DO NOTHING)",
           row.evaluation, row.index, row.block, row.attempt, static_cast<int64_t>(row.seed),
           OutcomeName(row.outcome), row.reason.name(), row.facts_json, row.metrics_json,
           now_ms_) == 1) {

@@ -126,7 +126,7 @@ absl::Status Evaluations::End(int64_t evaluation, EvaluationState state, const s
   if (!IsFinal(state) || IsFinal(row.state) || !open.empty()) {
     return absl::FailedPreconditionError(absl::StrCat(
         "evaluation ", evaluation, " can't end as ", std::string(EnumName(state)), ": it is ",
-        std::string(EnumName(before)), ", ", ending.open, " blocks are open"));
+        std::string(EnumName(row.state)), ", ", open.size(), " blocks are open"));
   }
   Run(db_, R"(UPDATE evaluation
       SET state = ?, reason = ?, results_hash = ?, finished_at = ? WHERE id = ?)",
@@ -134,7 +134,7 @@ absl::Status Evaluations::End(int64_t evaluation, EvaluationState state, const s
   Quotas(context_).Settle(evaluation, state, who);
   AppendGraded(evaluation, who);
   Deliveries(context_).TellEnd(evaluation, state);
-  return Audit("evaluation", evaluation, EnumName(before), EnumName(state), who, reason);
+  return Audit("evaluation", evaluation, EnumName(row.state), EnumName(state), who, reason);
 }
 
 void Evaluations::AppendGraded(int64_t evaluation, const std::string& who) {

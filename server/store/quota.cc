@@ -58,8 +58,6 @@ absl::Status CheckBudget(const QuotaUse& use, const QuotaLimits& limits, Budget 
   return absl::OkStatus();
 }
 
-constexpr char kGrader[] = "daemon";
-
 constexpr char kAddLedgerRow[] =
     "INSERT INTO ledger (at, day, team_id, track, phase, budget, entry, amount, submission, who, "
     "why) ";
@@ -176,8 +174,8 @@ QuotaUse Quotas::CountQuotaUse(const std::string& team, const std::string& track
                    "FROM submission AS s JOIN evaluation AS e ON e.submission = s.id "
                    "AND e.kind = 'original' WHERE s.team_id IN ",
                    RowsOfTeam(2),
-                   " AND a.track = ?3 AND a.phase = ?4 AND e.finished_at IS NULL "
-                   "AND NOT EXISTS (SELECT 1 FROM ledger AS l WHERE l.submission = a.submission "
+                   " AND s.track = ?3 AND s.phase = ?4 AND e.finished_at IS NULL "
+                   "AND NOT EXISTS (SELECT 1 FROM ledger AS l WHERE l.submission = s.id "
                    "AND l.entry = 'charge')) GROUP BY budget, entry"),
       use.day, Teams(context_).IdOf(team), track, phase, kMostUnits);
   while (select.executeStep()) {

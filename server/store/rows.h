@@ -30,15 +30,8 @@ inline bool IsFinal(EvaluationState state) { return state >= EvaluationState::kD
 
 struct ArtefactRow : PolicyManifest {
   std::string hash;
-  std::string name;
-  std::vector<std::string> command;
-  std::vector<std::string> runtimes;
   int64_t bytes = 0;
   int64_t files = 0;
-  std::map<std::string, std::string> environment = {};
-  std::string adapter = {};  // "": none
-  bool extra_observations = false;  // its policy.json asks for them
-  std::optional<PolicyImage> image = {};
 };
 
 struct SubmissionRow {
@@ -176,17 +169,6 @@ struct EvaluationResult {
   std::string reason = "";
   std::string results_hash = "";
   nlohmann::json aggregate = {};  // AggregateToJson (server/grading/results.h)
-};
-
-// A candidate row of a board.
-struct StandingRow {
-  int64_t submission = 0;
-  int64_t evaluation = 0;
-  std::string team;
-  std::string artefact_name;
-  nlohmann::json aggregate;  // what it is ranked by (AggregateToJson)
-  bool chosen = false;  // by its team, where teams choose
-  int64_t rejudge = 0;  // whose evaluation it is; 0: it is the original
 };
 
 // What an artefact's files are still needed for. Those of one that nobody has submitted are not.

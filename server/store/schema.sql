@@ -314,6 +314,7 @@ CREATE TABLE episode (
   facts_json   TEXT NOT NULL,            -- as the simulator measured them
   metrics_json TEXT NOT NULL,            -- as scoring judged them
   recorded_at  INTEGER NOT NULL,
+  log          TEXT NOT NULL,            -- its log's hash, as the facts have it; '': it has none
   PRIMARY KEY (evaluation, idx),
   CHECK ((outcome = 'failure') = (reason != ''))
 ) STRICT, WITHOUT ROWID;
@@ -374,8 +375,8 @@ CREATE TABLE node_event (
 
 CREATE INDEX submission_by_team ON submission (team_id, id);
 CREATE INDEX submission_by_board ON submission (config, ranked, id);
-CREATE UNIQUE INDEX evaluation_original ON evaluation (submission) WHERE kind = 'original';
 CREATE INDEX submission_by_day ON submission (day);
+CREATE UNIQUE INDEX evaluation_original ON evaluation (submission) WHERE kind = 'original';
 CREATE UNIQUE INDEX evaluation_of_rejudge ON evaluation (rejudge, submission, repetition)
   WHERE rejudge IS NOT NULL;
 CREATE INDEX evaluation_by_submission ON evaluation (submission, id);
@@ -410,9 +411,9 @@ CREATE TRIGGER block_final BEFORE UPDATE OF state ON block
   BEGIN SELECT RAISE(ABORT, 'a block that ended stays ended'); END;
 CREATE TRIGGER evaluation_final BEFORE UPDATE OF state ON evaluation
   WHEN OLD.finished_at IS NOT NULL
+  BEGIN SELECT RAISE(ABORT, 'an evaluation that ended stays ended'); END;
 CREATE TRIGGER submission_fixed BEFORE UPDATE OF team_id, track, phase, day ON submission
   BEGIN SELECT RAISE(ABORT, 'what a submission is charged by is never changed'); END;
-  BEGIN SELECT RAISE(ABORT, 'an evaluation that ended stays ended'); END;
 CREATE TRIGGER submission_kept BEFORE DELETE ON submission
   BEGIN SELECT RAISE(ABORT, 'submissions are never deleted'); END;
 CREATE TRIGGER episode_details_fixed BEFORE UPDATE ON episode_details

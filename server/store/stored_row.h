@@ -8,7 +8,6 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -81,10 +80,9 @@ Value FirstValue(SQLite::Database& db, const std::string& sql, const Values&... 
   return std::get<0>(FirstRow<Value>(db, sql, values...));
 }
 
-// The first column of every row.
-template <typename Value, typename... Values>
-std::vector<Value> AllValues(SQLite::Database& db, const std::string& sql,
-                             const Values&... values) {
+// The first column of every row, as a list or a set.
+template <typename Value, typename All = std::vector<Value>, typename... Values>
+All AllValues(SQLite::Database& db, const std::string& sql, const Values&... values) {
   Statement select(db, sql, values...);
   All all;
   while (select.executeStep()) all.insert(all.end(), Value(select.getColumn(0)));

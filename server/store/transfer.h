@@ -6,7 +6,7 @@
 //   {"bytes":20058,...},
 //   {...}
 //   ],
-//   "artefact":[
+//   "attempt":[
 //   ...
 //   ]
 //   },"format":"myograde-export","schema":1,"sha256":"<64 hexadecimal digits>"}

@@ -54,23 +54,17 @@ void TakeNumbersOfFacts(const scoring::ScoredTrack& track, const Json& said, Jso
 absl::StatusOr<std::vector<StandingRow>> ListStandings(
     const BoardState& record, const Marks& marks, const std::map<int64_t, ReceivedResult>& results,
     const std::string& config) {
-  const std::set<int64_t> chosen = record.Chosen(config);
   std::vector<StandingRow> standings;
   for (StandingRow& row : record.Candidates(config)) {
     const auto result = results.find(row.evaluation);
     if (result == results.end()) {
-      if (marks.contains({submission, kHidden})) continue;
-      return absl::UnavailableError(absl::StrCat("the receipt of evaluation ", ended->evaluation,
+      if (marks.contains({row.submission, kHidden})) continue;
+      return absl::UnavailableError(absl::StrCat("the receipt of evaluation ", row.evaluation,
                                                  " is withheld and may have a row there"));
     }
     if (!result->second.done) continue;
-    StandingRow row;
-    row.submission = submission;
-    row.evaluation = ended->evaluation;
-    row.team = team->name;
     row.artefact_name = result->second.name;
     row.aggregate = result->second.aggregate;
-    row.chosen = chosen.contains(submission);
     standings.push_back(std::move(row));
   }
   return standings;

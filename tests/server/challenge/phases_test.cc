@@ -43,7 +43,7 @@ Phases MakePhases(const std::vector<Json>& phases) {
 }
 
 PhaseEventRow Event(const std::string& phase, const char* event, const std::string& why = "why") {
-  return {1, 1, phase, event, "uid 0", why};
+  return {{1, 1, "uid 0", why}, phase, event};
 }
 
 BoardState StateAfter(const std::vector<PhaseEventRow>& events) {

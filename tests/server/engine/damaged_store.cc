@@ -36,8 +36,8 @@ std::string BoardText(ReaderPool& readers, const std::string& config) {
     const BoardState& state = reader.Board();
     std::vector<StandingRow> rows;
     std::vector<Damage> damaged;
-    for (const auto& [submission, result] : state.InForce(config)) {
-      const absl::StatusOr<nlohmann::json> standing = ReadStanding(reader, result->evaluation);
+    for (StandingRow& row : state.Candidates(config)) {
+      const absl::StatusOr<nlohmann::json> standing = ReadStanding(reader, row.evaluation);
       if (!standing.ok() && !ExtractDamage(standing.status())) return standing.status();
       if (!standing.ok()) damaged.push_back(*ExtractDamage(standing.status()));
       row.aggregate = standing.value_or(nullptr);

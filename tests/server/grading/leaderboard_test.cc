@@ -36,15 +36,15 @@ StandingRow Row(int64_t submission, const std::string& team, int successes, doub
   const nlohmann::json aggregate = {{"episodes", 100}, {"successes", successes},
                                     {"time_s", time},  {"effort", effort},
                                     {"pain", nullptr}, {"distance_m", nullptr}};
-  return {submission,
-          submission + 100,
-          team,
-          "policy",
-          aggregate};
+  return {.submission = submission,
+          .evaluation = submission + 100,
+          .team = team,
+          .artefact_name = "policy",
+          .aggregate = aggregate};
 }
 
 void Set(Marks& marks, int64_t submission, const std::string& mark, const std::string& why = "") {
-  marks[{submission, mark}] = {1, submission, mark, true, "uid 0", why};
+  marks[{submission, mark}] = {{0, 1, "uid 0", why}, submission, mark, true};
 }
 
 std::vector<std::string> PlacesOf(const Leaderboard& board) {
