@@ -48,7 +48,8 @@ class Histories(RejudgeCase, RecordCase):
         return phase
 
     def alter(self, folder, number):
-        file = self.dice.choice(sorted(path for path in folder.rglob("*") if path.is_file()))
+        file = self.dice.choice(sorted(path for path in folder.rglob("*")
+                                       if path.is_file() and path.stat().st_size > 0))
         whole = file.read_bytes()
         place = self.dice.randrange(len(whole))
         altered = whole[place] ^ 1 << self.dice.randrange(8)
