@@ -1,10 +1,12 @@
-"""Random histories of a challenge: whatever teams and organisers do, a copy of the record holds, and one
-altered bit is found. MYOGRADE_TEST_FULL: more of them."""
+"""Random histories of a challenge: whatever teams and organisers do, a copy of the record holds, one
+altered bit of it is found, and a daemon that imports the store shows the same. MYOGRADE_TEST_FULL: more
+of them."""
 
 import json
 import os
 import random
 import shutil
+import signal
 import unittest
 
 from phases_test import TRACK, moment, seeds
@@ -38,6 +40,9 @@ class Histories(RejudgeCase, RecordCase):
             for _ in range(ALTERATIONS):
                 self.alter(folder, number)
             shutil.rmtree(folder)
+        before = self.shown()
+        self.import_elsewhere()
+        self.assertEqual(self.shown(), before, number)
 
     def some_phase(self, first):
         phase = {"seeds": self.dice.choice([seeds(first), {"committed": 6}]), "opens_at": moment(hours=-1)}
@@ -57,6 +62,27 @@ class Histories(RejudgeCase, RecordCase):
         done = self.daemon.run_verb("verify", "--all", folder, "--key", self.key(), timeout_s=60)
         self.assertIn(done.returncode, (1, 2), (number, file, place, altered, done))
         file.write_bytes(whole)
+
+    def shown(self):
+        answers = [self.get("/v1/teams"), self.get("/v1/submissions?limit=1000")]
+        for rejudge in self.get("/v1/rejudges")["rejudges"]:
+            answers.append(self.get(f"/v1/rejudges/{rejudge['rejudge']}?changes=1"))
+        for kind, name in self.boards:
+            path = f"/v1/leaderboard?{kind[2:]}={name}"
+            answers.append(self.get(path))
+            for other in answers[-1]["other_configs"]:
+                answers.append(self.get(f"{path}&config={other['config']}"))
+        return answers
+
+    def import_elsewhere(self):
+        """Goes on with a new data folder."""
+        file, other = self.folder / "all.json", self.folder / "other"
+        self.cli("store", "export", file)
+        done = self.daemon.run_verb("store", "import", file, "--data", other, timeout_s=60, text=True)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.stop(signal.SIGTERM)
+        self.daemon.data = other
+        self.start()
 
     def tried(self, *words):
         """What a verb prints, or None if it was refused."""
