@@ -34,8 +34,8 @@ struct PolicyManifest {
   std::map<std::string, std::string> environment = {};  // variables to set for the policy
   std::string adapter = {};  // through which the command is played; "": it speaks LCM
   bool extra_observations = false;  // observations carry the track's extra entries too
-  // A container image is submitted: its files are in the folder kImageFolder, and the command starts
-  // in it.
+  // A container image is submitted: its files are in the folder kImageFolder, and the command
+  // starts in it.
   std::optional<PolicyImage> image = {};
 };
 

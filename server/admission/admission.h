@@ -101,7 +101,7 @@ struct SubmitRequest {
   bool organiser = false;  // may name any artefact, whoever uploaded it
 };
 
-// Statuses carry the code that API clients get (ErrorCodeOf of base/error_code.h), where it is not the
+// Statuses carry the code that API clients get (base/error_code.h), where it is not the
 // usual one of their kind. Safe from any thread; calls block, up to the limits of HTTP requests
 // and uploads.
 class Admission {

@@ -202,7 +202,8 @@ void BoardState::AddPhase(const Act& act) {
 void BoardState::AddConfig(const Act& act) {
   const int64_t rejudge = NumberOrZero(act.content, "rejudge");
   configs_[BoardAt(act.content)].push_back(
-      {RowOf(act), TextAt(act.content, "config"), rejudge, FindOrNone(rejudges_, rejudge).from_config});
+      {RowOf(act), TextAt(act.content, "config"), rejudge,
+       FindOrNone(rejudges_, rejudge).from_config});
 }
 
 // Until a rejudge is applied, a public record tells nothing but that it was created.

@@ -115,8 +115,8 @@ class BoardState {
   // a result takes the submission off the board. A banned team's are among them.
   std::map<int64_t, const BoardResult*> InForce(const std::string& config,
                                                 const BoardMoment& moment = {}) const;
-  // The candidate rows that follow: of those that have not failed, as far as is known here, and whose
-  // team is not banned. By submission, without what the journal does not tell.
+  // The rows that may stand on the board: those in force, by submission, but for what failed, as far
+  // as that is known here, and for banned teams. What the journal does not tell is left empty.
   std::vector<StandingRow> Candidates(const std::string& config,
                                       const BoardMoment& moment = {}) const;
   // Whether a freeze leaves out some of them.

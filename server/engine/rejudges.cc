@@ -65,7 +65,8 @@ absl::Status CheckNewRejudge(const NewRejudge& rejudge) {
 // Of those listed, each is to have a result.
 absl::Status CheckListed(const NewRejudge& rejudge, const std::vector<EvaluationRow>& missing) {
   for (const int64_t submission : rejudge.submissions) {
-    if (std::ranges::find(missing, submission, &EvaluationRow::submission) != missing.end()) continue;
+    const auto found = std::ranges::find(missing, submission, &EvaluationRow::submission);
+    if (found != missing.end()) continue;
     return absl::InvalidArgumentError(
         absl::StrCat("submission ", submission,
                      " can't get further episodes: it is not ranked, has "

@@ -53,8 +53,8 @@ absl::StatusOr<nlohmann::json> SignWithheld(const WithheldReceipt& withheld, con
 absl::StatusOr<WithheldReceipt> CheckWithheld(const nlohmann::json& json, const PublicKey& key,
                                               const RecordHead& head);
 
-// What a copy of the record keeps of an answer with a board: what follows from the record, and nothing
-// else, so that every byte can be checked.
+// What a copy of the record keeps of an answer with a board: what follows from the record, and
+// nothing else, so that every byte can be checked.
 nlohmann::json RecordedBoard(const nlohmann::json& answer);
 
 // What a receipt has as "record": the entry, and the proof that it is the last one of the tree that

@@ -262,7 +262,8 @@ absl::Status CheckSchema(SQLite::Database& db, const std::string& path, Migratio
     const int copy = NewestCopy(path, known);
     const std::string older =
         copy < 0 ? "a backup that was made with this one"
-                 : absl::StrCat("the copy from before the upgrade, ", CopyBeforeMigration(path, copy));
+                 : absl::StrCat("the copy from before the upgrade, ",
+                                CopyBeforeMigration(path, copy));
     return absl::FailedPreconditionError(
         absl::StrCat(path, ": has schema ", version, ", this program knows up to ", known,
                      "; use the newer program that wrote it, or restore ", older));
@@ -271,7 +272,8 @@ absl::Status CheckSchema(SQLite::Database& db, const std::string& path, Migratio
     return absl::OkStatus();
   }
   // Without our id.
-  const bool unreleased = version > 0 && db.tableExists("submission") && db.tableExists("transition");
+  const bool unreleased =
+      version > 0 && db.tableExists("submission") && db.tableExists("transition");
   return absl::FailedPreconditionError(
       unreleased
           ? absl::StrCat(path, ": is a store of schema ", version,
@@ -303,7 +305,8 @@ absl::Status Migrate(SQLite::Database& db, const std::string& path, Migrations m
   }
   if (from == 0) return absl::OkStatus();
   RemoveOldCopies(path, from);
-  spdlog::info("migrated the store from schema {} to {}; {} is a copy of the old one", from, to, copy);
+  spdlog::info("migrated the store from schema {} to {}; {} is a copy of the old one", from, to,
+               copy);
   return absl::OkStatus();
 }
 

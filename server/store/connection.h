@@ -37,10 +37,10 @@ inline constexpr int kKeptCopies = 2;
 std::string CopyBeforeMigration(const std::string& path, int schema);
 
 // Opens the store at `path` for writing: creates it (0600) if it is missing, sets WAL,
-// synchronous=FULL and foreign keys, and migrates it one version at a time, each in one transaction.
-// An existing one is first copied to CopyBeforeMigration() (0600); without that copy, nothing changes.
-// FailedPreconditionError: the file is no store, or one from before the first release, or its schema
-// is newer than these; the message then names the newest copy that can be opened.
+// synchronous=FULL and foreign keys, and migrates it one version at a time, each in a transaction.
+// An existing one is first copied to CopyBeforeMigration() (0600); without that copy, nothing
+// changes. FailedPreconditionError: the file is no store, or one from before the first release, or
+// its schema is newer than these; the message then names the newest copy that can be opened.
 absl::StatusOr<std::unique_ptr<SQLite::Database>> OpenForWriting(
     const std::string& path, Migrations migrations = SchemaMigrations());
 

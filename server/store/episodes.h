@@ -34,8 +34,8 @@ class Episodes : StorePart {
   absl::StatusOr<std::vector<RepeatRow>> Repeats(int64_t evaluation) const;
   // `ended_blocks`: only episodes of blocks that have ended, so that nothing tells how far one is.
   EpisodeCounts Counts(int64_t evaluation, bool ended_blocks = false) const;
-  // The teams one of whose episodes has the log with this SHA-256, with the phases of those episodes
-  // ("": of none).
+  // The teams one of whose episodes has the log with this SHA-256, with the phases of those
+  // episodes ("": of none).
   std::map<std::string, std::set<std::string>> TeamsOfLog(const std::string& sha256) const;
   // The first episode with this log. NotFoundError: there is none.
   absl::StatusOr<EpisodeRow> OfLog(const std::string& sha256) const;

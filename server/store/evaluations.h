@@ -55,8 +55,8 @@ class Evaluations : StorePart {
   // The evaluations that a cancel of the submission ends: those of its original one and, if
   // `reruns`, its reruns that have not ended. Rejudges end by DropRejudge alone.
   std::vector<int64_t> OpenOf(int64_t submission, bool reruns);
-  // Queued, with its blocks: the first and last episode of each. Of `added` its submission, kind and
-  // build are used, and all of a rejudge's; config and seeds "" are the submission's.
+  // Queued, with its blocks. Of `added` its submission, kind and build are used, and all of a
+  // rejudge's; config and seeds "" are the submission's.
   absl::StatusOr<Accepted> Add(const EvaluationRow& added, const EpisodeBlocks& blocks,
                                const std::string& who);
 

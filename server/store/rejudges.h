@@ -64,10 +64,10 @@ using SignDocument = std::function<absl::StatusOr<std::string>(const std::string
 // An item to add.
 struct NewRejudgeItem : EvaluationRow {
   EpisodeBlocks blocks = {};
-  // grader_error: it can't be played, or computed, and ends at once, for its reason. done or failed:
-  // it was computed from facts, and is added with the facts, blocks and outputs of the source. Of
-  // `episodes`, by index and one for each of the source, only index, outcome, reason and metrics_json
-  // are used.
+  // grader_error: it can't be played, or computed, and ends at once, for its reason. done or
+  // failed: it was computed from facts, and is added with the facts, blocks and outputs of the
+  // source. Of `episodes`, by index and one for each of the source, only index, outcome, reason and
+  // metrics_json are used.
   EvaluationResult result = {.state = EvaluationState::kQueued};
   std::vector<EpisodeRow> episodes = {};
 };

@@ -205,8 +205,8 @@ absl::StatusOr<Accepted> Submissions::Accept(const NewSubmission& asked,
   RETURN_IF_ERROR(Content(context_).AddSeedList(submission.seeds, submission.seed_count,
                                                 submission.seeds_json));
   Run(db_, R"(INSERT INTO submission (team_id, artefact,
-      track, profile, config, seeds, ranked, accepted_by, accepted_at, day, phase, extra_observations)
-      VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?))",
+      track, profile, config, seeds, ranked, accepted_by, accepted_at, day, phase,
+      extra_observations) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?))",
       team_id, submission.artefact, submission.track, submission.profile, submission.config,
       submission.seeds, submission.ranked, who, now_ms_, use.day, submission.phase,
       submission.extra_observations);

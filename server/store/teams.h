@@ -44,8 +44,8 @@ class Teams : StorePart {
   absl::Status Check(const std::string& team) const;
   // FailedPreconditionError with the code "banned" if it is.
   absl::Status CheckNotBanned(const TeamInForce& team) const;
-  // The team called `name` or, with the id 0, one that there could be: by the clean form of the name
-  // (CleanName).
+  // The team called `name` or, with the id 0, one that there could be: by the clean form of the
+  // name (CleanName).
   //   InvalidArgumentError      no such team, and the name is not allowed
   //   FailedPreconditionError   code "look_alike": no such team, and the name looks like another's,
   //                             which ResembledTeam returns
