@@ -25,6 +25,7 @@ struct PolicyImage {
   bool operator==(const PolicyImage&) const = default;
 };
 
+// The content of policy.json.
 struct PolicyManifest {
   std::string name;                   // shown to people; 1 to 64 bytes
   // command[0] is an absolute path, a relative one (inside the artefact) with a slash in it, or a
@@ -32,7 +33,7 @@ struct PolicyManifest {
   std::vector<std::string> command;
   std::vector<std::string> runtimes = {};  // names of the server's runtimes that it needs
   std::map<std::string, std::string> environment = {};  // variables to set for the policy
-  std::string adapter = {};  // through which the command is played; "": it speaks LCM
+  std::string adapter = {};  // of server/artefact/adapters.h, which plays the command; "": none
   bool extra_observations = false;  // observations carry the track's extra entries too
   // A container image is submitted: its files are in the folder kImageFolder, and the command
   // starts in it.

@@ -4,10 +4,7 @@
 
 #include <cstdint>
 #include <functional>
-#include <map>
-#include <optional>
 #include <string>
-#include <vector>
 
 #include <absl/status/statusor.h>
 
@@ -24,7 +21,6 @@ struct ArtefactLimits {
   int64_t name_bytes = 255;          // of one name
 };
 
-// The content of policy.json.
 struct Artefact {
   std::string digest;  // SHA-256 (hex) of the canonical listing; identifies the artefact
   PolicyManifest manifest;
@@ -45,9 +41,9 @@ using ByteProgress = std::function<void(int64_t done, int64_t total)>;
 // InvalidArgumentError: `path` or `name` breaks a rule (NotFoundError: `path` doesn't exist); other
 // codes: a problem of this host.
 absl::StatusOr<PolicyManifest> PackArtefact(const std::string& path, const std::string& archive,
-                                              const ArtefactLimits& limits,
-                                              const ByteProgress& progress = nullptr,
-                                              const std::string& name = "");
+                                            const ArtefactLimits& limits,
+                                            const ByteProgress& progress = nullptr,
+                                            const std::string& name = "");
 
 // Unpacks an untrusted archive into `destination`, which must not exist and is removed again after
 // an error. Links are kept as links and never followed. Nothing is synced to disk: call syncfs if

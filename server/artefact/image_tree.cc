@@ -419,10 +419,8 @@ absl::StatusOr<Artefact> MakeImage(const ImageArchive& archive, ImageContent con
     return absl::InvalidArgumentError("the image has neither ENTRYPOINT nor CMD; build it with "
                                       "one, or give a \"command\" in policy.json");
   }
-  manifest.erase("image");
-  ASSIGN_OR_RETURN(PolicyManifest parsed, ParseManifest(manifest));
-  parsed.image = image;
   manifest["image"] = PolicyImageToJson(image);
+  ASSIGN_OR_RETURN(PolicyManifest parsed, ParseManifest(manifest));
   Listing listing(limits);
   RETURN_IF_ERROR(tree.ListIn(listing));
   RETURN_IF_ERROR(WriteManifest(folder, CanonicalJson(manifest) + "\n", listing));

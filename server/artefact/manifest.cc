@@ -255,12 +255,16 @@ absl::Status CheckImageFile(int root, const std::string& file) {
   return absl::OkStatus();
 }
 
-// `image`: where to put the name of the image's archive; null: there must be none.
+// `image`: where to put the name of the image's archive; null: the image was unpacked, and "image" is
+// what its program needs of it.
 absl::StatusOr<PolicyManifest> ParseKeys(const nlohmann::json& json, std::string* image) {
   ConfigReader reader(json, "policy.json");
   PolicyManifest manifest;
   manifest.name = reader.String("name");
-  if (image != nullptr && reader.Has("image")) {
+  if (image == nullptr && reader.Has("image")) {
+    ASSIGN_OR_RETURN(manifest.image,
+                     PolicyImageFromJson(reader.Object("image"), "policy.json: image"));
+  } else if (reader.Has("image")) {
     *image = reader.String("image");
     if (image->empty()) reader.Fail("image", "must be the name of an image's archive");
   }

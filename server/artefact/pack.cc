@@ -273,7 +273,7 @@ absl::Status NoProgram(const std::string& path) {
 
 // Packs a single file.
 absl::StatusOr<PolicyManifest> PackFile(const std::string& path, const struct stat& info,
-                                          const Packing& packing) {
+                                        const Packing& packing) {
   const Fd file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));  // waits for a lease on it to end
   if (!file.valid()) return Unreadable(path, FolderOf::kParticipant);
   std::array<char, kTarMagicAt + 5> bytes = {};
@@ -299,9 +299,9 @@ absl::StatusOr<PolicyManifest> PackFile(const std::string& path, const struct st
 }  // namespace
 
 absl::StatusOr<PolicyManifest> PackArtefact(const std::string& path, const std::string& archive,
-                                              const ArtefactLimits& limits,
-                                              const ByteProgress& progress,
-                                              const std::string& name) {
+                                            const ArtefactLimits& limits,
+                                            const ByteProgress& progress,
+                                            const std::string& name) {
   const Utf8Names utf8_names;
   if (!name.empty()) {
     RETURN_IF_ERROR(CleanName(name, "the name").status());

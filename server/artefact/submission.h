@@ -27,7 +27,7 @@ absl::StatusOr<SubmittedManifest> ReadSubmittedManifest(int folder, const std::s
 absl::Status UnpackSubmission(const std::string& archive, const std::string& destination,
                               const ArtefactLimits& limits, const ByteProgress& progress);
 
-// Checks a manifest without "image" by itself, without the files.
+// Checks a manifest by itself, without the files. Its "image" is an object (ManifestToJson).
 absl::StatusOr<PolicyManifest> ParseManifest(const nlohmann::json& json);
 
 // Whether a file is the archive of an image, compressed at most once, and not of an ordinary

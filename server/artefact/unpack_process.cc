@@ -129,16 +129,11 @@ nlohmann::json AnswerOf(const absl::StatusOr<Artefact>& artefact) {
     return {{"code", artefact.status().raw_code()},
             {"message", std::string(artefact.status().message())}};
   }
-  nlohmann::json answer = {{"code", 0},
-                           {"digest", artefact->digest},
-                           {"bytes", artefact->bytes},
-                           {"files", artefact->files},
-                           {"manifest", ManifestToJson(artefact->manifest)}};
-  // A policy.json has the name of a file there.
-  nlohmann::json& manifest = answer["manifest"];
-  if (manifest.contains("image")) answer["image"] = manifest["image"];
-  manifest.erase("image");
-  return answer;
+  return {{"code", 0},
+          {"digest", artefact->digest},
+          {"bytes", artefact->bytes},
+          {"files", artefact->files},
+          {"manifest", ManifestToJson(artefact->manifest)}};
 }
 
 bool Limit(int resource, int64_t value, int64_t hard) {
@@ -230,10 +225,6 @@ absl::StatusOr<Artefact> ArtefactOf(const ProgramEnd& end, const UnpackBudget& b
   ASSIGN_OR_RETURN(artefact.manifest, ParseManifest(reader.Object("manifest")));
   artefact.bytes = reader.Integer("bytes", 0, INT64_MAX);
   artefact.files = reader.Integer("files", 0, INT64_MAX);
-  if (reader.Has("image")) {
-    ASSIGN_OR_RETURN(artefact.manifest.image,
-                     PolicyImageFromJson(reader.Object("image"), "unpacking: image"));
-  }
   RETURN_IF_ERROR(reader.Finish());
   return artefact;
 }

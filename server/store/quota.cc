@@ -139,7 +139,7 @@ void Quotas::Settle(int64_t evaluation, EvaluationState state, const std::string
 
 absl::Status Quotas::AddUnits(const char* entry, const NewGrant& units, const std::string& who) {
   ASSIGN_OR_RETURN(const TeamInForce allowed, Teams(context_).Allowed(units.team));
-  const int64_t team = Teams(context_).Ensure(allowed.name, who);
+  const int64_t team = Teams(context_).Ensure(allowed, who);
   Run(db_, absl::StrCat(kAddLedgerRow, "VALUES (?, ?, ?, ?, ?, ?, ?, ?, NULL, ?, ?)"), now_ms_,
       DayAt(now_ms_), team, units.track, units.phase, EnumName(units.budget), entry, units.amount,
       who, units.why);

@@ -295,7 +295,8 @@ absl::StatusOr<Accepted> Rejudges::AddJudged(const NewRejudgeItem& item, const s
       now_ms_, who, why, evaluation);
   Statement episode(db_, R"(INSERT INTO episode SELECT ?1, p.idx, l.id,
       1, p.seed, ?2, ?3, p.facts_json, ?4, ?5, p.log
-      FROM episode AS p JOIN block AS l ON l.evaluation = ?1 AND p.idx BETWEEN l.first AND l.last WHERE p.evaluation = ?6 AND p.idx = ?7)");
+      FROM episode AS p JOIN block AS l ON l.evaluation = ?1 AND p.idx BETWEEN l.first AND l.last
+      WHERE p.evaluation = ?6 AND p.idx = ?7)");
   for (const EpisodeRow& judged : item.episodes) {
     SQLite::bind(episode, evaluation, std::string(OutcomeName(judged.outcome)),
                  std::string(judged.reason.name()), judged.metrics_json, now_ms_, item.source,

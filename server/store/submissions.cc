@@ -157,10 +157,11 @@ absl::Status Submissions::CheckReruns(int64_t submission, const std::string& who
 }
 
 absl::StatusOr<std::optional<Accepted>> Submissions::FindOfficial(const NewSubmission& submission,
+                                                                  int64_t team,
                                                                   const AdmissionRules& rules) {
   const auto [id, evaluation] = FirstRow<int64_t, int64_t>(
       db_, absl::StrCat(kOfficial, "AND s.team_id IN ", RowsOfTeam(3), " ORDER BY s.id LIMIT 1"),
-      submission.artefact, submission.config, Teams(context_).IdOf(submission.team));
+      submission.artefact, submission.config, team);
   if (id != 0) {
     return std::optional(Accepted{.submission = id, .evaluation = evaluation, .linked = true});
   }
@@ -187,7 +188,7 @@ absl::StatusOr<Accepted> Submissions::Accept(const NewSubmission& asked,
   RETURN_IF_ERROR(Teams(context_).CheckNotBanned(team));
   submission.team = team.name;
   if (submission.ranked) {
-    ASSIGN_OR_RETURN(std::optional<Accepted> first, FindOfficial(submission, rules));
+    ASSIGN_OR_RETURN(std::optional<Accepted> first, FindOfficial(submission, team.id, rules));
     if (first.has_value()) return *first;
   }
   // A submission that was accepted before is found above, however late its answer is asked for.
@@ -199,7 +200,7 @@ absl::StatusOr<Accepted> Submissions::Accept(const NewSubmission& asked,
       Quotas(context_).CountQuotaUse(submission.team, submission.track, now_ms_, submission.phase);
   RETURN_IF_ERROR(
       CheckQuota(use, rules.quota, budget, submission.team, submission.track, submission.phase));
-  const int64_t team_id = Teams(context_).Ensure(submission.team, who);
+  const int64_t team_id = Teams(context_).Ensure(team, who);
   RETURN_IF_ERROR(Content(context_).AddConfig(submission.config, submission.track,
                                               submission.profile, submission.config_json));
   RETURN_IF_ERROR(Content(context_).AddSeedList(submission.seeds, submission.seed_count,

@@ -160,7 +160,7 @@ class Submissions : StorePart {
  private:
   // The ranked evaluation that rules out another one; nullopt: none.
   absl::StatusOr<std::optional<Accepted>> FindOfficial(const NewSubmission& submission,
-                                                       const AdmissionRules& rules);
+                                                       int64_t team, const AdmissionRules& rules);
 };
 
 }  // namespace myograde::server

@@ -279,11 +279,11 @@ std::string Teams::NameOf(const std::string& name) const {
   return team.ok() ? team->name : name;
 }
 
-int64_t Teams::Ensure(const std::string& name, const std::string& who, const std::string& why) {
-  if (const int64_t row = RowNamedExactly(db_, name); row != 0) return row;
-  Run(db_, "INSERT INTO team (name, created_at) VALUES (?, ?)", name, now_ms_);
+int64_t Teams::Ensure(const TeamInForce& allowed, const std::string& who, const std::string& why) {
+  if (allowed.id != 0) return allowed.id;
+  Run(db_, "INSERT INTO team (name, created_at) VALUES (?, ?)", allowed.name, now_ms_);
   const int64_t team = db_.getLastInsertRowid();
-  AddSkeletons(db_, team, name);
+  AddSkeletons(db_, team, allowed.name);
   AddTeamEvent(db_, now_ms_, team, "created", "", who, why);
   return team;
 }
@@ -292,7 +292,7 @@ absl::Status Teams::Create(const std::string& team, const std::string& who,
                            const std::string& why) {
   ASSIGN_OR_RETURN(const std::string clean, CleanName(team, "the team's name"));
   RETURN_IF_ERROR(CheckFree(db_, clean, 0));
-  Ensure(clean, who, why);
+  Ensure({.name = clean}, who, why);
   return absl::OkStatus();
 }
 
@@ -322,7 +322,7 @@ absl::Status Teams::Found(const std::string& team, const std::string& person, in
                                teams.size() == 1 ? "that one" : "one of those",
                                ", or ask an organiser"));
   }
-  AddMember(db_, now_ms_, Ensure(name, person), person, true, person);
+  AddMember(db_, now_ms_, Ensure(found, person), person, true, person);
   return absl::OkStatus();
 }
 

@@ -68,8 +68,8 @@ class Teams : StorePart {
   std::vector<TeamEventRow> Events(const std::string& team) const;
   // Whether they can be merged; errors as of Teams::Merge.
   absl::Status CheckMerge(const std::string& team, const std::string& into) const;
-  // Its id; a team that does not exist is created. REQUIRES: `name` came from Allowed.
-  int64_t Ensure(const std::string& name, const std::string& who, const std::string& why = "");
+  // Its id; one with the id 0 is created. REQUIRES: it came from Allowed, in the same change.
+  int64_t Ensure(const TeamInForce& allowed, const std::string& who, const std::string& why = "");
   // FailedPreconditionError if there is such a team; otherwise errors of Allowed.
   absl::Status Create(const std::string& team, const std::string& who, const std::string& why);
   // Makes `person` the first member of a team, which is created if there is none. Does nothing for

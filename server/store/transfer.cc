@@ -14,6 +14,7 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/store/connection.h"
+#include "server/store/store.h"
 
 namespace myograde::server {
 namespace {
@@ -224,7 +225,7 @@ absl::Status ExportRows(SQLite::Database& db, const ExportSink& sink) {
     RETURN_IF_ERROR(write("\n]"));
   }
   RETURN_IF_ERROR(write(
-      absl::StrCat("\n},\"format\":\"", kFormat, "\",\"schema\":", SchemaMigrations().size())));
+      absl::StrCat("\n},\"format\":\"", kFormat, "\",\"schema\":", SchemaVersion())));
   return write(absl::StrCat(",\"sha256\":\"", hash.FinishHex(), "\"}\n"));
 }
 
@@ -288,10 +289,10 @@ absl::StatusOr<ExportInfo> CheckExport(const std::string& path, const RowSink& o
 }
 
 absl::Status ImportRows(SQLite::Database& db, const std::string& path, const ExportInfo& info) {
-  if (info.schema != static_cast<int64_t>(SchemaMigrations().size())) {
+  if (info.schema != SchemaVersion()) {
     return absl::FailedPreconditionError(
         absl::StrCat(path, ": is of schema ", info.schema, ", this program's is ",
-                     SchemaMigrations().size(), "; export and import with the same version"));
+                     SchemaVersion(), "; export and import with the same version"));
   }
   for (const auto& [name, table] : BuildTables(db)) {
     if (AnyRow(db, absl::StrCat("SELECT 1 FROM \"", name, "\" LIMIT 1"))) {

@@ -128,17 +128,17 @@ absl::Status Strange(const std::string& what) {
                                           "daemon's version"));
 }
 
-// The head that the daemon signs now, to which a proof must lead; `text`: its file.
-absl::StatusOr<RecordHead> PresentHead(const Client& client, std::string& text) {
+// The head that the daemon signs now, to which a proof must lead. `file`: where to put its text.
+absl::StatusOr<RecordHead> PresentHead(const Client& client, std::string* file = nullptr) {
   ASSIGN_OR_RETURN(const Json answer, client.Get("/v1/record/head"));
-  text = CanonicalJson(answer) + "\n";
+  const std::string text = CanonicalJson(answer) + "\n";
+  if (file != nullptr) *file = text;
   absl::StatusOr<RecordHead> head = ParseHead(text);
   return head.ok() ? head : Strange("head");
 }
 
 absl::StatusOr<int> ProveEntry(const RecordOptions& options) {
-  std::string text;
-  ASSIGN_OR_RETURN(const RecordHead head, PresentHead(options.client(), text));
+  ASSIGN_OR_RETURN(const RecordHead head, PresentHead(options.client()));
   ASSIGN_OR_RETURN(const Json json,
                    options.client().Get(absl::StrCat("/v1/record/proof?entry=", options.entry,
                                                      "&size=", std::max<int64_t>(1, head.size))));
@@ -151,13 +151,13 @@ absl::StatusOr<int> ProveEntry(const RecordOptions& options) {
 }
 
 absl::StatusOr<int> ProveSince(const RecordOptions& options) {
-  ASSIGN_OR_RETURN(std::string text, ReadFile(options.since, kMaxHeadFile));
+  ASSIGN_OR_RETURN(const std::string text, ReadFile(options.since, kMaxHeadFile));
   const absl::StatusOr<RecordHead> earlier = ParseHead(text);
   if (!earlier.ok()) {
     return absl::InvalidArgumentError(
         absl::StrCat(options.since, ": ", earlier.status().message()));
   }
-  ASSIGN_OR_RETURN(const RecordHead head, PresentHead(options.client(), text));
+  ASSIGN_OR_RETURN(const RecordHead head, PresentHead(options.client()));
   const std::string what = absl::StrCat("The record of ", Counted(head.size, "entry", "entries"),
                                         " begins with the ", earlier->size, " of ", options.since);
   if (earlier->size > head.size) return ReportProof(options, nullptr, false, what);
@@ -196,13 +196,13 @@ class RecordExporter {
     RETURN_IF_ERROR(MakeEmptyFolder());
     for (int round = 0; round < kMostRounds; ++round) {
       std::string text;
-      ASSIGN_OR_RETURN(const RecordHead head, PresentHead(client_, text));
+      ASSIGN_OR_RETURN(const RecordHead head, PresentHead(client_, &text));
       RETURN_IF_ERROR(ReadEntries(head.size));
       RETURN_IF_ERROR(WriteReceipts());
       RETURN_IF_ERROR(WriteBoards());
       // The boards are those of the record only if nothing happened meanwhile.
       std::string after;
-      RETURN_IF_ERROR(PresentHead(client_, after).status());
+      RETURN_IF_ERROR(PresentHead(client_, &after).status());
       if (after != text) continue;
       RETURN_IF_ERROR(Write("record.jsonl", lines_));
       RETURN_IF_ERROR(Write("key.pem", TextAt(key, "key")));

@@ -12,6 +12,7 @@ import subprocess
 import unittest
 
 from phases_test import AS_OTHERS, TEAMS, TRACK, PhasesCase, moment, seeds
+from record_test import RecordCase
 from rejudge_case import Skill
 from support.waiting import wait_until
 
@@ -86,7 +87,7 @@ class CloseCase(PhasesCase):
                 (rejudge,))]
 
 
-class Groups(CloseCase):
+class Groups(CloseCase, RecordCase):
     def setUp(self):
         super().setUp()
         self.grade()
@@ -152,11 +153,7 @@ class Groups(CloseCase):
         self.assertEqual([row["rank"] for row in self.get(STATISTICS)["rows"]], [1, 1, 3])
         self.assertEqual(board["config"], before["config"], "no result depends on it")
         # The record has what follows from the rules.
-        folder = self.folder / "record"
-        self.cli("proof", "record", "export", folder)
-        told = self.daemon.run_verb("verify", "--all", folder, "--key", folder / "key.pem", "--json",
-                                    timeout_s=60, text=True)
-        answer = json.loads(told.stdout)
+        answer = self.verify(self.exported())
         self.assertTrue(answer["valid"], answer["checks"])
 
     def test_of_the_board_of_a_moment(self):

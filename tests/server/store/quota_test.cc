@@ -1,5 +1,4 @@
 // Quotas: what is charged, refunded and rejected; the limits of one artefact; marks.
-#include "server/base/error_code.h"
 #include "server/store/quota.h"
 
 #include <map>
@@ -7,6 +6,7 @@
 #include <absl/strings/str_cat.h>
 #include <gmock/gmock.h>
 
+#include "server/base/error_code.h"
 #include "tests/server/store/store_fixture.h"
 
 namespace myograde::server {
