@@ -26,7 +26,7 @@
 #include "server/cli/terminal/terminal.h"
 #include "server/proof/release.h"
 #include "server/proof/seed_list.h"
-#include "server/store/data_folder.h"
+#include "server/base/data_folder.h"
 #include "server/store/store.h"
 
 namespace myograde::server {

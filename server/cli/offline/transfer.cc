@@ -19,7 +19,7 @@
 #include "server/cli/client/client.h"
 #include "server/cli/terminal/terminal.h"
 #include "server/engine/stored.h"
-#include "server/store/data_folder.h"
+#include "server/base/data_folder.h"
 #include "server/store/transfer.h"
 
 namespace myograde::server {

@@ -13,7 +13,7 @@
 #include <csignal>
 #include <filesystem>
 
-#include "server/store/data_folder.h"
+#include "server/base/data_folder.h"
 #include "tests/server/store/store_fixture.h"
 
 namespace myograde::server {

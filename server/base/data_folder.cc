@@ -1,4 +1,4 @@
-#include "server/store/data_folder.h"
+#include "server/base/data_folder.h"
 
 #include <fcntl.h>
 #include <sys/file.h>
