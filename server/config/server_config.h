@@ -15,11 +15,11 @@
 #include "scoring/statistics_config.h"
 #include "server/access/access.h"
 #include "server/base/log_line.h"
+#include "server/config/limits.h"
 #include "server/config/slurm_config.h"
 #include "server/config/webhook_config.h"
 #include "server/scheduler/host_health.h"
 #include "server/scheduler/scheduler.h"
-#include "server/store/store.h"
 
 namespace myograde::server {
 

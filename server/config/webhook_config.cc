@@ -7,7 +7,6 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
-#include "server/store/deliveries.h"
 
 namespace myograde::server {
 namespace {

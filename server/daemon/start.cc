@@ -239,9 +239,13 @@ absl::StatusOr<Phases> TakePhases(DaemonConfigs& configs, Store& store, ReaderPo
 }
 
 absl::Status SetWebhooks(const std::vector<Webhook>& webhooks, Store& store) {
-  store.SetSubscriptions(ListSubscriptions(webhooks));
+  std::vector<WebhookConfig> configs;
   std::set<std::string> names;
-  for (const Webhook& webhook : webhooks) names.insert(webhook.config.name);
+  for (const Webhook& webhook : webhooks) {
+    configs.push_back(webhook.config);
+    names.insert(webhook.config.name);
+  }
+  store.SetWebhooks(std::move(configs));
   return store.Write([&](Transaction& writer) -> absl::Status {
     ASSIGN_OR_RETURN(const int64_t given_up, writer.deliveries.AbandonAllBut(names));
     if (given_up > 0) {

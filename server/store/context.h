@@ -21,7 +21,7 @@ class Database;
 
 namespace myograde::server {
 
-struct Subscription;
+struct WebhookConfig;
 
 // NotFoundError: "there is no evaluation 7".
 absl::Status NoSuch(const char* what, int64_t id);
@@ -65,7 +65,7 @@ struct TransactionContext {
   BoardFold* fold = nullptr;
   BoardState* state = nullptr;
   int64_t now_ms = 0;  // of a change
-  const std::vector<Subscription>* subscriptions = nullptr;  // who is told; nullptr: nobody
+  const std::vector<WebhookConfig>* webhooks = nullptr;  // who is told; nullptr: nobody
   mutable std::shared_ptr<const BoardState> followed = {};
 
   // What the journal says, with what this change has added. Valid until more is added.

@@ -24,8 +24,8 @@ constexpr StoredRows<DeliveryRow, 9> kDeliveries = {
 }  // namespace
 
 absl::Status Deliveries::Tell(const std::string& event, const std::string& about_json) {
-  if (context_.subscriptions == nullptr) return absl::OkStatus();
-  for (const Subscription& hook : *context_.subscriptions) {
+  if (context_.webhooks == nullptr) return absl::OkStatus();
+  for (const WebhookConfig& hook : *context_.webhooks) {
     if (!hook.events.contains(event)) continue;
     ASSIGN_OR_RETURN(const std::string id, RandomBytes(kEventIdBytes));
     Json body = Json::parse(about_json);
@@ -34,13 +34,13 @@ absl::Status Deliveries::Tell(const std::string& event, const std::string& about
     body["at"] = TimeText(now_ms_);
     Run(db_, R"(INSERT INTO delivery (at, webhook, event, body_json, state, due_at)
         VALUES (?, ?, ?, ?, 'waiting', ?))",
-        now_ms_, hook.webhook, event, CanonicalJson(body), now_ms_);
+        now_ms_, hook.name, event, CanonicalJson(body), now_ms_);
   }
   return absl::OkStatus();
 }
 
 void Deliveries::TellEnd(int64_t evaluation, EvaluationState state) {
-  if (context_.subscriptions == nullptr || context_.subscriptions->empty()) return;
+  if (context_.webhooks == nullptr || context_.webhooks->empty()) return;
   // An evaluation must end even if nobody can be told.
   (void)Part([&]() -> absl::Status {
     const auto submission = FirstValue<int64_t>(

@@ -1,44 +1,18 @@
-// What webhooks are told: which events there are, and the rows of `delivery`. A row is written in
-// the same transaction as what it tells of, so that none is told that did not happen, and none that
-// happened is forgotten.
+// What webhooks are told: the rows of `delivery`. A row is written in the same transaction as what it
+// tells of, so that none is told that did not happen, and none that happened is forgotten.
 #pragma once
 
 #include <cstdint>
 #include <set>
 #include <string>
-#include <string_view>
 #include <vector>
+
+#include "server/config/webhook_config.h"
 #include "server/store/context.h"
 #include "server/store/damage.h"
 #include "server/store/rows.h"
 
 namespace myograde::server {
-
-// The events, for `events` of server.json's webhooks. A submission's own evaluation ended:
-inline constexpr char kFinishedEvent[] = "submission.finished";
-inline constexpr char kFailedEvent[] = "submission.failed";
-inline constexpr char kCancelledEvent[] = "submission.cancelled";
-inline constexpr char kGraderErrorEvent[] = "submission.grader_error";
-// Submissions, all or those to a phase, were paused or resumed by an organiser:
-inline constexpr char kPauseEvent[] = "paused";
-inline constexpr char kResumeEvent[] = "resumed";
-// This host starts no blocks, as its self-test failed, or it does again:
-inline constexpr char kHostPausedEvent[] = "host.paused";
-inline constexpr char kHostResumedEvent[] = "host.resumed";
-inline constexpr char kSelfTestFailedEvent[] = "self_test.failed";
-// Only "myograde webhook test" sends it.
-inline constexpr char kTestEvent[] = "test";
-
-inline constexpr std::string_view kWebhookEvents[] = {  // all but the last
-    kFinishedEvent, kFailedEvent,     kCancelledEvent,   kGraderErrorEvent,   kPauseEvent,
-    kResumeEvent,   kHostPausedEvent, kHostResumedEvent, kSelfTestFailedEvent};
-
-// A webhook, and what it wants to be told.
-struct Subscription {
-  std::string webhook;
-  std::set<std::string> events;
-};
-using Subscriptions = std::vector<Subscription>;
 
 struct DeliveryRow {
   int64_t id = 0;
@@ -72,7 +46,7 @@ class Deliveries : StorePart {
   Listed<DeliveryRow> List(const std::string& webhook, int64_t before, int64_t limit) const;
   // Of each webhook with rows, by name.
   std::vector<DeliveryCounts> Counts() const;
-  // Webhooks (deliveries.h). Adds what is to be told of an event, for each webhook that wants it.
+  // Adds what is to be told of an event, for each webhook that wants it.
   // `about_json`: an object; "id", "event" and "at" are added to it.
   absl::Status Tell(const std::string& event, const std::string& about_json);
   // How its latest attempt ended: state, attempts, due_at and detail.

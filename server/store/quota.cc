@@ -82,11 +82,6 @@ constexpr StoredRows<LedgerRow, 11> kLedger = {
 
 }  // namespace
 
-const Allowance& QuotaLimits::of(Budget budget) const {
-  if (budget == Budget::kRanked) return ranked;
-  return budget == Budget::kPractice ? practice : failed;
-}
-
 std::string DayName(int64_t day) {
   return absl::FormatTime("%Y-%m-%d", absl::FromUnixMillis(day * kDayMs), absl::UTCTimeZone());
 }

@@ -6,35 +6,14 @@
 #include <array>
 #include <cstdint>
 #include <string>
-#include <string_view>
 
 #include <absl/status/status.h>
+#include "server/config/limits.h"
 #include "server/store/context.h"
 #include "server/store/damage.h"
 #include "server/store/rows.h"
 
 namespace myograde::server {
-
-enum class Budget { kRanked, kPractice, kFailed };
-template <>
-inline constexpr std::string_view kNamesOf<Budget>[] = {"official", "practice", "failed"};
-inline constexpr std::array kBudgets = {Budget::kRanked, Budget::kPractice, Budget::kFailed};
-
-// Units; every number is at least 1.
-struct Allowance {
-  int64_t per_day = 0;
-  int64_t total = 0;
-};
-
-// For one team on one track.
-struct QuotaLimits {
-  Allowance ranked;
-  Allowance practice;
-  Allowance failed;
-  int64_t waiting = 0;  // evaluations waiting for their first block at the same time
-
-  const Allowance& of(Budget budget) const;
-};
 
 // Use of one budget, in units, either on the current day or in total.
 struct BudgetUse {

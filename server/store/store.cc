@@ -145,7 +145,7 @@ absl::Status Store::Write(const std::function<absl::Status(Transaction&)>& chang
     Transaction changes({.db = *db_,
                          .state = &board_,
                          .now_ms = absl::ToUnixMillis(clock_.Now()),
-                         .subscriptions = &subscriptions_});
+                         .webhooks = &webhooks_});
     RETURN_IF_ERROR(change(changes));  // rolls back
     const int64_t rows = RowsEver(*db_);
     transaction.commit();

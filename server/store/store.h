@@ -54,7 +54,7 @@ class Store {
   std::optional<int64_t> trusted_time_ms() const { return trusted_time_ms_; }
 
   // Who is told of what is written from now on. Not while anybody writes.
-  void SetSubscriptions(Subscriptions subscriptions) { subscriptions_ = std::move(subscriptions); }
+  void SetWebhooks(std::vector<WebhookConfig> webhooks) { webhooks_ = std::move(webhooks); }
 
  private:
   Store(std::string path, std::unique_ptr<SQLite::Database> db, const Clock& clock);
@@ -83,7 +83,7 @@ class Store {
   BoardState board_;  // of the journal; empty again after what was rolled back
   const Clock& clock_;
   std::optional<int64_t> trusted_time_ms_;
-  Subscriptions subscriptions_;
+  std::vector<WebhookConfig> webhooks_;
 };
 
 // Connections that read the store while the daemon writes it, each in one consistent state. Safe to

@@ -74,36 +74,11 @@ struct NewRerun {
   RequestKey request_key = {};
 };
 
-// What a submission must satisfy to be accepted.
-struct AdmissionRules {
-  QuotaLimits quota;
-  // An artefact has one ranked evaluation per config: for each team or, if true, for all teams
-  // together.
-  bool one_for_everyone = false;
-};
-
 // Who uploaded an artefact that has not been submitted yet.
 struct NewUpload {
   std::string uploader;    // "uid 1000"
   std::string team;        // "": unknown
   bool organiser = false;  // only the limits on the total apply
-};
-
-// Limits on artefacts with files that nobody has submitted.
-struct UnsubmittedLimits {
-  int64_t count = 4000;
-  int64_t bytes = int64_t{64} << 30;
-  int64_t of_one = 1000;  // per uploader, and per team
-  int64_t bytes_of_one = int64_t{16} << 30;
-  absl::Duration age = absl::Hours(24);  // after which the files are removed
-};
-
-// Limits on reruns that have not ended.
-struct RerunLimits {
-  int64_t unfinished = 64;  // total of all non-organisers
-  int64_t of_one = 8;       // per non-organiser
-  int64_t of_a_submission = 2;
-  int64_t of_organisers = 256;
 };
 
 // Which submissions to list, newest first. Empty strings match any.

@@ -99,14 +99,6 @@ absl::StatusOr<std::vector<Webhook>> LoadWebhooks(const std::vector<WebhookConfi
   return webhooks;
 }
 
-Subscriptions ListSubscriptions(const std::vector<Webhook>& webhooks) {
-  Subscriptions subscriptions;
-  for (const Webhook& webhook : webhooks) {
-    subscriptions.push_back({webhook.config.name, webhook.config.events});
-  }
-  return subscriptions;
-}
-
 std::string ComputeSignature(std::string_view secret, int64_t seconds, std::string_view body) {
   const std::string text = absl::StrCat(seconds, ".", std::string(body));
   std::array<uint8_t, 32> digest = {};

@@ -12,7 +12,6 @@
 #include <absl/time/time.h>
 
 #include "server/config/webhook_config.h"
-#include "server/store/deliveries.h"
 
 namespace myograde::server {
 
@@ -25,8 +24,6 @@ struct Webhook {
 // webhook, for a URL that is not https, or http to this host; that has a user, a password or a
 // fragment; for a secret as of ReadSecretFile; for a ca_file that can't be read.
 absl::StatusOr<std::vector<Webhook>> LoadWebhooks(const std::vector<WebhookConfig>& configs);
-
-Subscriptions ListSubscriptions(const std::vector<Webhook>& webhooks);
 
 // How a receiver knows that an event came from this daemon, and when: "t=1764590400,v1=DIGITS", the
 // time of the attempt in seconds since 1970, and the HMAC-SHA256 of "1764590400.BODY" keyed with

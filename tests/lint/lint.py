@@ -54,9 +54,10 @@ RULES = {
                       "server/base/enum_names.h", "server/board"},
                      r"mujoco/|lcm/|SQLiteCpp/|boost/|CLI/|spdlog/|chrono$|fstream$|filesystem$|"
                      r"unistd"),
-    "server/store": ({"protocol", "server/base", "server/board", "server/store"}, r"mujoco/|lcm/|boost/|CLI/"),
+    "server/store": ({"protocol", "server/base", "server/config/limits.h",
+                      "server/config/webhook_config.h", "server/board", "server/store"}, r"mujoco/|lcm/|boost/|CLI/"),
     "server/config": ({"protocol", "scoring/statistics_config.h", "server/base", "server/access",
-                       "server/scheduler", "server/store", "server/config"}, r"mujoco/|lcm/|boost/|CLI/"),
+                       "server/scheduler", "server/config"}, r"mujoco/|lcm/|boost/|CLI/"),
     # Who is connected and what they ask; it knows no address of the API.
     "server/http": ({"protocol/base", "server/base", "server/access/access.h",
                      "server/access/rate_limit.h", "server/config/server_config.h", "server/http"},

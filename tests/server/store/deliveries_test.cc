@@ -16,8 +16,9 @@ class DeliveriesTest : public StoreTest {
  protected:
   void SetUp() override {
     StoreTest::SetUp();
-    store_->SetSubscriptions({{"all", {std::begin(kWebhookEvents), std::end(kWebhookEvents)}},
-                              {"pauses", {kPauseEvent}}});
+    store_->SetWebhooks(
+        {{.name = "all", .events = {std::begin(kWebhookEvents), std::end(kWebhookEvents)}},
+         {.name = "pauses", .events = {kPauseEvent}}});
   }
 
   std::vector<DeliveryRow> Rows(const std::string& webhook) {
