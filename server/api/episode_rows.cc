@@ -9,9 +9,9 @@
 #include <absl/strings/str_split.h>
 
 #include "protocol/base/status_macros.h"
+#include "scoring/episode_order.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
-#include "server/grading/leaderboard.h"
 
 namespace myograde::server {
 namespace {
@@ -139,7 +139,7 @@ absl::Status AddSummary(const Track& track, const std::vector<EpisodeRow>& rows,
   std::vector<scoring::JudgedEpisode> logged;
   std::map<int64_t, const EpisodeRow*> by_index;
   for (size_t i = 0; i < rows.size(); ++i) {
-    if (judged[i].verdict.reason.name() == kPhantom) continue;
+    if (judged[i].verdict.reason.name() == scoring::kPhantom) continue;
     details.emplace_back(Json::parse(rows[i].details_json, nullptr, /*allow_exceptions=*/false),
                          judged[i].verdict.steps);
     const Json facts = Json::parse(rows[i].facts_json, nullptr, /*allow_exceptions=*/false);
@@ -150,7 +150,7 @@ absl::Status AddSummary(const Track& track, const std::vector<EpisodeRow>& rows,
   json["details_summary"] = SummaryOf(details);
   ASSIGN_OR_RETURN(const std::vector<int64_t> order, EpisodesInOrder(track.scoring, logged));
   Json& highlights = json["highlights"] = Json::object();
-  for (const PickedEpisode& picked : BestMedianWorst(order)) {
+  for (const scoring::PickedEpisode& picked : scoring::BestMedianWorst(order)) {
     highlights[std::string(picked.place)] =
         EpisodeToJson(*by_index.at(picked.index), track.config.seed_salt);
   }

@@ -1,3 +1,4 @@
+#include "scoring/aggregate_json.h"
 #include "server/api/resources.h"
 
 #include <algorithm>

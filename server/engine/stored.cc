@@ -7,6 +7,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
+#include "scoring/aggregate_json.h"
 #include "server/grading/results.h"
 #include "server/store/damage.h"
 

@@ -10,6 +10,7 @@
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/lease.h"
 #include "protocol/tracks/registry.h"
+#include "scoring/aggregate_json.h"
 #include "server/base/json_value.h"
 #include "server/proof/merkle_tree.h"
 #include "server/store/damage.h"
@@ -24,27 +25,9 @@ using Source = scoring::Metric::Source;
 // The metric that every track has.
 constexpr std::string_view kTimeMetric = "time_s";
 
-Json OrNull(const std::optional<double>& value) { return value ? Json(*value) : Json(); }
-
 std::optional<double> Optional(const Json& json, std::string_view key) {
   const Json& value = At(json, key);
   return value.is_number() ? std::optional(value.get<double>()) : std::nullopt;
-}
-
-Json SpreadToJson(const scoring::Spread& spread) {
-  return {{"deviation", spread.deviation}, {"low", spread.low}, {"high", spread.high}};
-}
-
-// The metrics of a judged episode, null where the episode has none.
-Json MetricsToJson(const scoring::ScoredTrack& track, const scoring::Verdict& verdict) {
-  Json json = {{"success", verdict.outcome == Outcome::kSuccess ? 1 : 0}};
-  for (size_t i = 0; i < track.metrics.size(); ++i) {
-    const scoring::Metric& metric = track.metrics[i];
-    if (metric.source != Source::kJudged) continue;
-    json[std::string(metric.name)] = OrNull(verdict.metrics.at(i));
-  }
-  for (const std::string_view key : track.null_metrics) json[std::string(key)] = nullptr;
-  return json;
 }
 
 }  // namespace
@@ -67,7 +50,7 @@ absl::StatusOr<EpisodeRow> JudgedRow(const Track& track, const EpisodeFacts& fac
   row.outcome = verdict.outcome;
   row.reason = verdict.reason;
   row.facts_json = CanonicalJson(EpisodeFactsToJson(facts));
-  row.metrics_json = CanonicalJson(MetricsToJson(*track.scoring.track, verdict));
+  row.metrics_json = CanonicalJson(scoring::MetricsToJson(*track.scoring.track, verdict));
   if (facts.details.has_value()) row.details_json = CanonicalJson(DetailsToJson(*facts.details));
   return row;
 }
@@ -116,25 +99,6 @@ absl::StatusOr<scoring::Aggregate> AggregateRows(const scoring::ScoredTrack& tra
   return scoring::AggregateEpisodes(track.metrics, std::move(episodes));
 }
 
-nlohmann::json AggregateToJson(const scoring::ScoredTrack& track,
-                               const scoring::Aggregate& aggregate) {
-  if (aggregate.episodes == 0) return nullptr;
-  Json json = {{"episodes", aggregate.episodes},
-               {"successes", aggregate.successes},
-               {"success_rate", aggregate.success_rate()}};
-  Json spread = {{"success_rate", SpreadToJson(aggregate.success_spread)}};
-  for (size_t i = 0; i < track.metrics.size(); ++i) {
-    const std::string name(track.metrics[i].name);
-    const scoring::Mean& mean = aggregate.means.at(i);
-    json[name] = mean.count == 0 ? Json() : Json(mean.value);
-    if (track.metrics[i].spread) spread[name] = mean.count == 0 ? Json() : SpreadToJson(mean.spread);
-  }
-  for (const std::string_view key : track.null_means) json[std::string(key)] = nullptr;
-  for (const std::string_view key : track.null_spreads) spread[std::string(key)] = nullptr;
-  json["spread"] = std::move(spread);
-  return json;
-}
-
 absl::StatusOr<EvaluationResult> ComputeResult(const Track& track,
                                                const std::vector<EpisodeRow>& rows) {
   const scoring::ScoredTrack& scored = *track.scoring.track;
@@ -148,28 +112,6 @@ absl::StatusOr<EvaluationResult> ComputeResult(const Track& track,
   result.results_hash = ResultsHash(rows, track.config.seed_salt);
   result.aggregate = AggregateToJson(scored, aggregate);
   return result;
-}
-
-nlohmann::json MetricToJson(const scoring::Metric& metric) {
-  const char* better = metric.better == scoring::Better::kLess   ? "less"
-                       : metric.better == scoring::Better::kMore ? "more"
-                                                                 : "neither";
-  return {{"name", metric.name},
-          {"title", metric.title},
-          {"unit", metric.unit},
-          {"better", better},
-          {"digits", metric.digits}};
-}
-
-nlohmann::json ShownMetrics(const scoring::TrackScoring& scoring) {
-  Json shown = Json::array();
-  for (const scoring::Metric& metric : scoring.track->metrics) {
-    const bool is_shown =
-        metric.shown == scoring::Metric::Shown::kAlways ||
-        (metric.shown == scoring::Metric::Shown::kWithOfficialFigures && scoring.official_figures);
-    if (is_shown) shown.push_back(MetricToJson(metric));
-  }
-  return shown;
 }
 
 std::string ResultsHash(const std::vector<EpisodeRow>& rows, const std::string& seed_salt) {

@@ -29,20 +29,10 @@ absl::StatusOr<std::vector<scoring::JudgedEpisode>> JudgedEpisodes(
 absl::StatusOr<scoring::Aggregate> AggregateRows(const scoring::ScoredTrack& track,
                                                  const std::vector<EpisodeRow>& rows);
 
-// The aggregate as the API returns it; null if there is no episode.
-nlohmann::json AggregateToJson(const scoring::ScoredTrack& track,
-                               const scoring::Aggregate& aggregate);
-
 // What an evaluation with these episodes ends as, once all of them are there. Errors of
 // AggregateRows.
 absl::StatusOr<EvaluationResult> ComputeResult(const Track& track,
                                                const std::vector<EpisodeRow>& rows);
-
-// A metric's description, for those who print its values: name, title, unit, better, digits.
-nlohmann::json MetricToJson(const scoring::Metric& metric);
-
-// The metrics that the track's results show.
-nlohmann::json ShownMetrics(const scoring::TrackScoring& scoring);
 
 // SHA-256 over the canonical results of all rows, in index order. `seed_salt` is that of the config
 // (CanonicalResult).

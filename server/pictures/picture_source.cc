@@ -21,9 +21,9 @@
 #include "protocol/lease/lease.h"
 #include "protocol/lease/render_order.h"
 #include "protocol/lease/sim_channel.h"
+#include "scoring/episode_order.h"
 #include "server/base/child_process.h"
 #include "server/base/paths.h"
-#include "server/grading/leaderboard.h"
 #include "server/grading/results.h"
 #include "server/grading/tracks.h"
 #include "server/proof/grader_build.h"
@@ -200,7 +200,7 @@ absl::StatusOr<std::vector<PictureKey>> PicturesOf(const Transaction& reader, in
   std::map<int64_t, std::string> logs;
   for (const EpisodeRow& row : rows) logs[row.index] = LogSha256(row);
   std::vector<PictureKey> keys;
-  for (const PickedEpisode& picked : BestMedianWorst(order)) {
+  for (const scoring::PickedEpisode& picked : scoring::BestMedianWorst(order)) {
     if (!logs[picked.index].empty()) keys.push_back({PictureKind::kPicture, logs[picked.index]});
   }
   return keys;

@@ -15,6 +15,7 @@
 
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
+#include "scoring/episode_order.h"
 #include "scoring/groups.h"
 #include "scoring/paired_test.h"
 #include "server/base/counted.h"
@@ -22,7 +23,6 @@
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
 #include "server/cli/offline/draw.h"
-#include "server/grading/leaderboard.h"
 
 namespace myograde::server {
 namespace {
@@ -39,7 +39,7 @@ std::string SeedKey(const Json& row) {
 }
 
 // Such a trial was not played, so it says nothing of its seed.
-bool IsPhantom(const Json& row) { return row.value("end", Json()) == Json(kPhantom); }
+bool IsPhantom(const Json& row) { return row.value("end", Json()) == Json(scoring::kPhantom); }
 
 RowPairs SameSeeds(const Json& a, const Json& b) {
   std::map<int64_t, const Json*> of_a;

@@ -18,13 +18,14 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/tracks/registry.h"
+#include "scoring/aggregate_json.h"
+#include "scoring/episode_order.h"
 #include "server/base/child_process.h"
 #include "server/base/temp_folder.h"
 #include "server/cli/base/files.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/offline/draw.h"
 #include "server/cli/terminal/terminal.h"
-#include "server/grading/leaderboard.h"
 #include "server/grading/results.h"
 #include "server/proof/grader_build.h"
 #include "server/runner/log_keeper.h"
@@ -183,7 +184,7 @@ absl::StatusOr<std::string> MakeFolder(const TryOptions& options) {
 }
 
 // The best and the worst of the episodes that can be shown, in the board's order.
-absl::StatusOr<std::vector<PickedEpisode>> BestAndWorst(const LocalGrade& grade) {
+absl::StatusOr<std::vector<scoring::PickedEpisode>> BestAndWorst(const LocalGrade& grade) {
   const scoring::TrackScoring& scoring = grade.track->scoring;
   std::vector<EpisodeRow> shown;
   for (const EpisodeRow& row : grade.rows) {
@@ -192,15 +193,15 @@ absl::StatusOr<std::vector<PickedEpisode>> BestAndWorst(const LocalGrade& grade)
   }
   ASSIGN_OR_RETURN(const auto judged, JudgedEpisodes(*scoring.track, shown));
   ASSIGN_OR_RETURN(const std::vector<int64_t> order, EpisodesInOrder(scoring, judged));
-  std::vector<PickedEpisode> picked = BestMedianWorst(order);
-  std::erase_if(picked, [](const PickedEpisode& one) { return one.place == "median"; });
+  std::vector<scoring::PickedEpisode> picked = scoring::BestMedianWorst(order);
+  std::erase_if(picked, [](const scoring::PickedEpisode& one) { return one.place == "median"; });
   return picked;
 }
 
 // Adds "films" to what was made, and to its "missing" why there are none or pictures.
 absl::Status AddFilms(const TryOptions& options, const LocalGrade& grade, const std::string& folder,
                       Json& made) {
-  ASSIGN_OR_RETURN(const std::vector<PickedEpisode> picked, BestAndWorst(grade));
+  ASSIGN_OR_RETURN(const std::vector<scoring::PickedEpisode> picked, BestAndWorst(grade));
   if (picked.empty()) made["missing"].push_back("No episode has any step to show.");
   const bool film = FindProgram("ffmpeg").ok();
   if (!film && !picked.empty()) {
@@ -208,7 +209,7 @@ absl::Status AddFilms(const TryOptions& options, const LocalGrade& grade, const 
         "There are pictures instead of films, because ffmpeg is not installed (Debian: apt-get "
         "install ffmpeg).");
   }
-  for (const PickedEpisode& one : picked) {
+  for (const scoring::PickedEpisode& one : picked) {
     if (StopRequested()) return absl::CancelledError("interrupted");
     const std::string file = absl::StrCat(std::string(one.place), film ? ".mp4" : ".png");
     const Json row = RowWith(grade.json["episode_rows"], "index", one.index);

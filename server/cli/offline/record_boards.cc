@@ -8,6 +8,7 @@
 
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
+#include "scoring/aggregate_json.h"
 #include "server/base/json_value.h"
 #include "protocol/tracks/registry.h"
 #include "server/cli/terminal/terminal.h"

@@ -20,6 +20,7 @@
 #include "protocol/lease/render_order.h"
 #include "protocol/log/episode_log.h"
 #include "protocol/tracks/registry.h"
+#include "scoring/episode_order.h"
 #include "server/base/temp_folder.h"
 #include "server/cli/base/files.h"
 #include "server/cli/base/verbs.h"
@@ -27,7 +28,6 @@
 #include "server/cli/offline/draw.h"
 #include "server/cli/offline/play_logs.h"
 #include "server/cli/terminal/terminal.h"
-#include "server/grading/leaderboard.h"
 #include "server/grading/results.h"
 #include "server/grading/tracks.h"
 #include "server/proof/logs.h"
@@ -206,7 +206,7 @@ absl::Status AddStrip(const Client& client, const Json& evaluation, const std::s
   for (const Json& row : evaluation["episode_rows"]) {
     const Json log = row.value("log", Json());
     const bool shown = log.is_object() && log.value("steps", int64_t{0}) > 0;
-    if (shown && TextAt(row, "end") != kPhantom) rows.push_back(row);
+    if (shown && TextAt(row, "end") != scoring::kPhantom) rows.push_back(row);
   }
   if (rows.empty()) {
     return absl::FailedPreconditionError(
@@ -216,7 +216,7 @@ absl::Status AddStrip(const Client& client, const Json& evaluation, const std::s
   ASSIGN_OR_RETURN(const FetchedLog any,
                    FetchLog(client, evaluation, rows.front().value("index", int64_t{-1}), folder));
   ASSIGN_OR_RETURN(const std::vector<int64_t> order, ChooseEpisodes(rows, any.log.header.track));
-  for (const PickedEpisode& picked : BestMedianWorst(order)) {
+  for (const scoring::PickedEpisode& picked : scoring::BestMedianWorst(order)) {
     const std::string place(picked.place);
     RETURN_IF_ERROR(AddEpisode(client, evaluation, picked.index, place,
                                absl::StrCat(place, ": episode ", picked.index), folder, drawing));

@@ -1,4 +1,5 @@
 // Boards as a function of aggregates and marks.
+#include "scoring/aggregate_json.h"
 #include "server/grading/leaderboard.h"
 
 #include <algorithm>

@@ -1,5 +1,6 @@
 // From facts to rows and from rows to numbers: nothing is lost, and contradictions are not
 // recorded.
+#include "scoring/aggregate_json.h"
 #include "server/grading/results.h"
 
 #include <string>
