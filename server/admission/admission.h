@@ -24,7 +24,7 @@
 #include "server/challenge/phases.h"
 #include "server/config/server_config.h"
 #include "server/engine/engine.h"
-#include "server/grading/tracks.h"
+#include "server/challenge/offered_tracks.h"
 #include "server/runtime/runtimes.h"
 #include "server/store/store.h"
 

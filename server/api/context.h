@@ -13,7 +13,7 @@
 #include "server/challenge/phases.h"
 #include "server/config/server_config.h"
 #include "server/engine/engine.h"
-#include "server/grading/tracks.h"
+#include "server/challenge/offered_tracks.h"
 #include "server/metrics/metrics.h"
 #include "server/pictures/pictures.h"
 #include "server/proof/signing_key.h"

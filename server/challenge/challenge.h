@@ -17,7 +17,7 @@
 #include "scoring/board.h"
 #include "scoring/statistics_config.h"
 #include "server/access/access.h"
-#include "server/grading/tracks.h"
+#include "server/challenge/offered_tracks.h"
 #include "server/store/store.h"
 
 namespace myograde::server {
@@ -99,6 +99,10 @@ absl::Status MistakesToStatus(const std::vector<std::string>& mistakes);
 // Errors as WithPhase and MakeTrack.
 absl::StatusOr<TrackPtr> PhaseTrack(const PhaseConfig& phase, const Track& track,
                                     const std::string& secret);
+
+// The keys that `phase` (nullptr: no file describes it any more) gives to the config that it plays;
+// all of them are in `live`, which it plays now.
+nlohmann::json KeysOfPhase(const PhaseConfig* phase, const TrackConfig& live);
 
 // The rules for submissions to a phase, on a track with the rules `fallback`.
 AdmissionRules PhaseRules(const PhaseConfig& phase, AdmissionRules fallback);

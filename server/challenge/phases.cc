@@ -159,6 +159,24 @@ absl::StatusOr<TrackPtr> PhaseTrack(const PhaseConfig& phase, const Track& track
   return MakeTrack(std::move(config));
 }
 
+nlohmann::json KeysOfPhase(const PhaseConfig* phase, const TrackConfig& live) {
+  nlohmann::json keys = {{"phase", live.phase}};
+  const auto keep = [&](const char* key) {
+    if (live.effective.contains(key)) keys[key] = live.effective[key];
+  };
+  const bool hidden = !live.seed_salt.empty();
+  if (hidden || phase == nullptr || !phase->seeds.empty()) keep("seeds");
+  if (hidden) {
+    keep("policy_seed_secret");
+    keep("seed_salt");
+  }
+  // Nobody knows any more whether a phase without a file had a rule of its own.
+  if (phase == nullptr || phase->entry.has_value()) {
+    keys["scoring"] = {{"team", live.scoring.value("team", "best")}};
+  }
+  return keys;
+}
+
 absl::StatusOr<Phases> Phases::Make(std::vector<ChallengeConfig> challenges, const Tracks& tracks,
                                     const SecretOfPhase& secret_of) {
   Phases phases;

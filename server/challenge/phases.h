@@ -15,7 +15,7 @@
 
 #include "protocol/base/mutex.h"
 #include "server/challenge/challenge.h"
-#include "server/grading/tracks.h"
+#include "server/challenge/offered_tracks.h"
 #include "server/store/rows.h"
 #include "server/store/store.h"
 

@@ -14,9 +14,9 @@
 #include "server/challenge/phases.h"
 #include "server/config/server_config.h"
 #include "server/executor/executor.h"
-#include "server/grading/tracks.h"
+#include "server/challenge/offered_tracks.h"
 #include "server/proof/signing_key.h"
-#include "server/store/data_folder.h"
+#include "server/base/data_folder.h"
 #include "server/store/store.h"
 #include "server/webhook/webhook.h"
 

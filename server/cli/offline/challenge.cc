@@ -18,7 +18,7 @@
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
 #include "server/cli/terminal/terminal.h"
-#include "server/grading/tracks.h"
+#include "server/challenge/offered_tracks.h"
 #include "server/proof/reference_check.h"
 
 namespace myograde::server {

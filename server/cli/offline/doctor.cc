@@ -17,7 +17,7 @@
 #include "server/cli/offline/cluster_checks.h"
 #include "server/cli/terminal/terminal.h"
 #include "server/config/server_config.h"
-#include "server/grading/tracks.h"
+#include "server/challenge/offered_tracks.h"
 #include "server/proof/reference_check.h"
 #include "server/runtime/runtimes.h"
 #include "server/store/journal.h"

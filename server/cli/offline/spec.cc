@@ -24,7 +24,7 @@
 #include "server/base/paths.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/terminal/terminal.h"
-#include "server/grading/tracks.h"
+#include "server/challenge/offered_tracks.h"
 
 namespace myograde::server {
 namespace {

@@ -20,7 +20,7 @@
 #include "protocol/base/clock.h"
 #include "server/admission/admission.h"
 #include "server/engine/engine.h"
-#include "server/grading/tracks.h"
+#include "server/challenge/offered_tracks.h"
 #include "server/store/store.h"
 #include "tests/server/artefact/raw_tar.h"
 

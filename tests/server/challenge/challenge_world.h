@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "server/challenge/challenge.h"
-#include "server/grading/tracks.h"
+#include "server/challenge/offered_tracks.h"
 
 namespace myograde::server {
 

@@ -1,5 +1,5 @@
 // Tracks as they are loaded: what practice plays.
-#include "server/grading/tracks.h"
+#include "server/challenge/offered_tracks.h"
 
 #include <filesystem>
 #include <fstream>
