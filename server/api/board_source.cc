@@ -9,6 +9,7 @@
 #include <absl/strings/str_join.h>
 
 #include "protocol/base/status_macros.h"
+#include "scoring/aggregate_json.h"
 #include "server/api/caller.h"
 #include "server/api/requests.h"
 
@@ -192,6 +193,16 @@ absl::StatusOr<BoardQuery> ParseBoardQuery(const Request& request, const Transac
   }
   asked.rules = &rules->second;
   return asked;
+}
+
+absl::StatusOr<TrackPtr> TrackInForce(const Transaction& reader, const ApiContext& context,
+                                      const BoardName& board) {
+  if (board.phase.empty()) return context.tracks.Find(board.track, board.profile);
+  if (context.phases.ConfigOf(board.phase) == nullptr) {
+    return TrackOfPhase(reader, context, board.phase);
+  }
+  ASSIGN_OR_RETURN(const PhasePtr phase, context.phases.Find(board.phase));
+  return phase->track;
 }
 
 absl::StatusOr<BoardQuery> PublicBoard(const Transaction& reader, const ApiContext& context,

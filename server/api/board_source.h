@@ -52,6 +52,10 @@ absl::StatusOr<BoardQuery> ParseBoardQuery(const Request& request, const Transac
 absl::StatusOr<BoardQuery> PublicBoard(const Transaction& reader, const ApiContext& context,
                                        const TrackPtr& live);
 
+// What a board is played and judged by now. Of a phase, only its name counts.
+absl::StatusOr<TrackPtr> TrackInForce(const Transaction& reader, const ApiContext& context,
+                                      const BoardName& board);
+
 // Everything that may stand on a board, and what can't be read of it.
 struct BoardSource {
   std::vector<StandingRow> standings;

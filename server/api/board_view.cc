@@ -1,5 +1,6 @@
 #include "server/api/board_view.h"
 
+#include <algorithm>
 #include <map>
 #include <optional>
 #include <string>
@@ -7,8 +8,9 @@
 #include <vector>
 
 #include "protocol/base/status_macros.h"
+#include "scoring/aggregate_json.h"
 #include "server/api/board_source.h"
-#include "server/grading/results.h"
+#include "server/proof/grader_build.h"
 
 namespace myograde::server {
 namespace {
@@ -244,6 +246,25 @@ Json StatisticsAnswer(const Transaction& reader, const Track& track,
 }
 
 }  // namespace
+
+BoardBuilds CountBuilds(const std::vector<int64_t>& evaluations,
+                        const std::vector<std::string>& graders) {
+  BoardBuilds builds;
+  std::map<std::string, std::string> known;  // boards have many rows of few builds
+  std::map<std::string, std::pair<size_t, int64_t>> found;
+  for (size_t i = 0; i < graders.size(); ++i) {
+    auto it = known.find(graders[i]);
+    if (it == known.end()) it = known.emplace(graders[i], SimulatingBuild(graders[i])).first;
+    auto& [rows, newest] = found[it->second];
+    ++rows;
+    newest = std::max(newest, evaluations[i]);
+    builds.of_rows.push_back(it->second);
+  }
+  for (const auto& [build, count] : found) builds.counts.push_back({build, count.first});
+  std::sort(builds.counts.begin(), builds.counts.end(),
+            [&](const auto& a, const auto& b) { return found[a.build] > found[b.build]; });
+  return builds;
+}
 
 Json ColumnsToJson(const scoring::ScoredTrack& track, const scoring::BoardSpec& board) {
   Json columns = Json::array();

@@ -9,6 +9,7 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/track_config.h"
+#include "server/api/board_source.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
 #include "server/engine/stored.h"
@@ -30,27 +31,6 @@ std::string ReadBoardName(ConfigReader& reader, const char* key) {
   return name;
 }
 
-// The keys that a phase gives to the config that it plays (PhaseTrack of challenge/phases.h). All
-// of them are in the config that it plays now.
-Json KeysOfPhase(const ApiContext& context, const TrackConfig& live) {
-  Json keys = {{"phase", live.phase}};
-  const PhaseConfig* phase = context.phases.ConfigOf(live.phase);
-  const auto keep = [&](const char* key) {
-    if (live.effective.contains(key)) keys[key] = live.effective[key];
-  };
-  const bool hidden = !live.seed_salt.empty();
-  if (hidden || phase == nullptr || !phase->seeds.empty()) keep("seeds");
-  if (hidden) {
-    keep("policy_seed_secret");
-    keep("seed_salt");
-  }
-  // Nobody knows any more whether a phase without a file had a rule of its own.
-  if (phase == nullptr || phase->entry.has_value()) {
-    keys["scoring"] = {{"team", live.scoring.value("team", "best")}};
-  }
-  return keys;
-}
-
 absl::StatusOr<TrackPtr> NewTrack(const ApiContext& context, const TrackConfig& live,
                                   const Json& file) {
   ASSIGN_OR_RETURN(TrackConfig config,
@@ -63,7 +43,7 @@ absl::StatusOr<TrackPtr> NewTrack(const ApiContext& context, const TrackConfig& 
                      "\"; give a config that extends this board's track"));
   }
   if (!live.phase.empty()) {
-    ASSIGN_OR_RETURN(config, WithPhase(config, KeysOfPhase(context, live)));
+    ASSIGN_OR_RETURN(config, WithPhase(config, KeysOfPhase(context.phases.ConfigOf(live.phase), live)));
   }
   if (config.seeds.size() != live.seeds.size()) {
     return absl::InvalidArgumentError(absl::StrCat(kWhereSent, " has ", config.seeds.size(),
@@ -114,18 +94,6 @@ absl::StatusOr<RejudgeAct> ParseApply(const Json& body) {
   return act;
 }
 
-absl::StatusOr<TrackPtr> TrackInForce(const Transaction& reader, const ApiContext& context,
-                                      const BoardName& board) {
-  if (board.phase.empty()) return context.tracks.Find(board.track, board.profile);
-  const absl::StatusOr<PhasePtr> found = context.phases.Find(board.phase);
-  if (found.ok()) return (*found)->track;
-  // One that no file describes any more.
-  const bool described = context.phases.ConfigOf(board.phase) != nullptr;
-  const std::string hash = described ? "" : reader.Board().ConfigOfPhase(board.phase);
-  if (hash.empty()) return found.status();
-  return StoredTrack(reader, hash);
-}
-
 absl::StatusOr<NewRejudge> MakeRejudge(const Transaction& reader, const ApiContext& context,
                                        const RejudgeRequest& request) {
   ASSIGN_OR_RETURN(const TrackPtr live, TrackInForce(reader, context, request.board));
@@ -151,19 +119,6 @@ NewRejudge RejudgeBetween(const TrackConfig& from, const TrackConfig& to) {
   rejudge.seeds = Sha256Hex(rejudge.seeds_json);
   rejudge.seed_count = std::ssize(to.seeds);
   return rejudge;
-}
-
-std::set<std::string> DifferingKeys(const Json& from, const Json& to, const std::string& at) {
-  if (from == to) return {};
-  if (!from.is_object() || !to.is_object()) return {at};
-  Json both = from;
-  both.update(to);
-  std::set<std::string> keys;
-  for (const auto& [name, unused] : both.items()) {
-    keys.merge(DifferingKeys(from.value(name, Json::object()), to.value(name, Json::object()),
-                             absl::StrCat(at, "/", name)));
-  }
-  return keys;
 }
 
 absl::StatusOr<SignDocument> RejudgeSigner(const ApiContext& context) {

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <optional>
-#include <set>
 #include <string>
 
 #include <absl/status/statusor.h>
@@ -26,10 +25,6 @@ absl::StatusOr<RejudgeRequest> ParseRejudge(const nlohmann::json& body);
 // The reason and the submissions without result of the body of POST /v1/rejudges/ID/apply.
 absl::StatusOr<RejudgeAct> ParseApply(const nlohmann::json& body);
 
-// What a board is played and judged by now. Of a phase, only its name counts.
-absl::StatusOr<TrackPtr> TrackInForce(const Transaction& reader, const ApiContext& context,
-                                      const BoardName& board);
-
 // A rejudge of a board from one config to another, of the purpose and method that are usual.
 NewRejudge RejudgeBetween(const TrackConfig& from, const TrackConfig& to);
 
@@ -37,11 +32,6 @@ NewRejudge RejudgeBetween(const TrackConfig& from, const TrackConfig& to);
 // config, or how it does not fit the board.
 absl::StatusOr<NewRejudge> MakeRejudge(const Transaction& reader, const ApiContext& context,
                                        const RejudgeRequest& request);
-
-// The JSON pointers at which two effective configs differ; `at` is that of the two. What one lacks
-// counts as an empty object, so what only one has is told key by key; a list is one value.
-std::set<std::string> DifferingKeys(const nlohmann::json& from, const nlohmann::json& to,
-                                    const std::string& at = "");
 
 // Signs the document of the act that the store is about to write, with the key of receipts. An
 // error if there is no key.

@@ -18,6 +18,7 @@
 #include "server/api/rejudge_plan.h"
 #include "server/api/requests.h"
 #include "server/api/views.h"
+#include "server/base/json_value.h"
 #include "server/challenge/phases.h"
 #include "server/engine/rejudges.h"
 #include "server/grading/results.h"

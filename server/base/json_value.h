@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <set>
 #include <string>
 #include <string_view>
 
@@ -37,6 +38,22 @@ inline const nlohmann::json& At(const nlohmann::json& json, std::string_view key
 inline std::string TextAt(const nlohmann::json& json, std::string_view key) {
   const nlohmann::json& value = At(json, key);
   return value.is_string() ? value.get<std::string>() : "";
+}
+
+// The JSON pointers at which two objects differ; `at` is that of the two. What one lacks
+// counts as an empty object, so what only one has is told key by key; a list is one value.
+inline std::set<std::string> DifferingKeys(const nlohmann::json& from, const nlohmann::json& to,
+                                           const std::string& at = "") {
+  if (from == to) return {};
+  if (!from.is_object() || !to.is_object()) return {at};
+  nlohmann::json both = from;
+  both.update(to);
+  std::set<std::string> keys;
+  for (const auto& [name, unused] : both.items()) {
+    const nlohmann::json none = nlohmann::json::object();
+    keys.merge(DifferingKeys(from.value(name, none), to.value(name, none), at + "/" + name));
+  }
+  return keys;
 }
 
 }  // namespace myograde::server

@@ -13,6 +13,7 @@
 #include "protocol/lease/lease.h"
 #include "server/base/json_value.h"
 #include "server/grading/results.h"
+#include "server/proof/grader_build.h"
 
 namespace myograde::server {
 namespace {
@@ -147,25 +148,6 @@ absl::StatusOr<NewRejudgeItem> ItemOf(const Transaction& reader, const RejudgeRo
 }
 
 }  // namespace
-
-bool SameSimulation(const Json& a, const Json& b) {
-  for (const char* key : {"simulator", "mujoco"}) {
-    if (!At(a, key).is_string() || At(a, key) != At(b, key)) return false;
-  }
-  const Json& adapters_a = At(a, "adapters");
-  const Json& adapters_b = At(b, "adapters");
-  for (const auto& [name, hash] : adapters_a.items()) {
-    if (At(adapters_b, name) != hash) return false;
-  }
-  // A model is compiled when it is first needed, so one of the builds may know fewer.
-  const Json& models_a = At(a, "models");
-  const Json& models_b = At(b, "models");
-  if (!models_a.is_object() || !models_b.is_object()) return false;
-  return std::all_of(models_a.items().begin(), models_a.items().end(), [&](const auto& model) {
-    const auto other = models_b.find(model.key());
-    return other == models_b.end() || *other == model.value();
-  });
-}
 
 absl::StatusOr<RejudgePlan> PlanRejudge(const Transaction& reader, const NewRejudge& rejudge,
                                         const std::string& data_dir) {

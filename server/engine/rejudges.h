@@ -29,10 +29,6 @@ struct RejudgePlan {
   std::vector<NewRejudgeItem> items;
 };
 
-// Whether a build `b` has the simulator, library, compiled models and adapters of `a`
-// (GraderBuild).
-bool SameSimulation(const nlohmann::json& a, const nlohmann::json& b);
-
 // What it would do now. The artefacts' files are those in `data_dir`. InvalidArgumentError, in one
 // sentence: `repeats` out of range, submissions listed for a purpose that takes none, facts asked for
 // where more than scoring differs or where repetitions are, a listed submission without a result that

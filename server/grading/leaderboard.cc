@@ -3,14 +3,12 @@
 #include <algorithm>
 #include <map>
 #include <optional>
-#include <set>
 
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/config_reader.h"
-#include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
+#include "scoring/aggregate_json.h"
 #include "server/base/json_value.h"
 
 namespace myograde::server {
@@ -22,26 +20,12 @@ using scoring::RankedEntry;
 using scoring::TeamRule;
 using Json = nlohmann::json;
 
-constexpr size_t kBuildDigits = 12;
-
 BoardEntry EntryOf(const StandingRow& row, const scoring::ScoredTrack& track) {
-  BoardEntry entry;
+  BoardEntry entry = scoring::EntryOfJson(track, row.aggregate);
   entry.submission = absl::StrCat(row.submission);
   entry.team = row.team;
   entry.acceptance = row.submission;
   entry.chosen = row.chosen;
-  const auto count = [&](const char* key) {
-    const Json& value = At(row.aggregate, key);
-    return value.is_number_integer() ? value.get<int64_t>() : 0;
-  };
-  entry.successes = count("successes");
-  entry.episodes = count("episodes");
-  for (const scoring::Metric& metric : track.metrics) {
-    if (!metric.ranked) continue;
-    const Json& number = At(row.aggregate, metric.name);
-    entry.numbers.push_back(number.is_number() ? std::optional(number.get<double>())
-                                               : std::nullopt);
-  }
   return entry;
 }
 
@@ -130,12 +114,6 @@ Json BoardToJson(const Leaderboard& board) {
   return {{"rows", std::move(rows)}, {"disqualified", std::move(disqualified)}};
 }
 
-bool HasRankedNumbers(const scoring::ScoredTrack& track, const Json& aggregate) {
-  return std::ranges::all_of(track.metrics, [&](const scoring::Metric& metric) {
-    return !metric.ranked || aggregate.contains(metric.name);
-  });
-}
-
 namespace {
 
 std::string WhyAbsent(int64_t id, const std::vector<StandingRow>& standings, const Marks& marks,
@@ -214,71 +192,6 @@ absl::StatusOr<Explanation> ExplainOrder(const std::vector<StandingRow>& standin
   upper.entry.team = above.source.team;
   lower.entry.team = below.source.team;
   return Explanation{above, below, scoring::Explain(upper, lower, rules, scoring.track->metrics)};
-}
-
-std::string SimulatingBuild(std::string_view grader_json) {
-  const Json grader = Json::parse(grader_json, nullptr, false);
-  if (!grader.is_object()) return "";
-  Json parts = Json::object();
-  for (const char* part : {"simulator", "mujoco", "models"}) {
-    parts[part] = grader.value(part, Json());
-  }
-  return Sha256Hex(CanonicalJson(parts)).substr(0, kBuildDigits);
-}
-
-BoardBuilds CountBuilds(const std::vector<int64_t>& evaluations,
-                        const std::vector<std::string>& graders) {
-  BoardBuilds builds;
-  std::map<std::string, std::string> known;  // boards have many rows of few builds
-  std::map<std::string, std::pair<size_t, int64_t>> found;
-  for (size_t i = 0; i < graders.size(); ++i) {
-    auto it = known.find(graders[i]);
-    if (it == known.end()) it = known.emplace(graders[i], SimulatingBuild(graders[i])).first;
-    auto& [rows, newest] = found[it->second];
-    ++rows;
-    newest = std::max(newest, evaluations[i]);
-    builds.of_rows.push_back(it->second);
-  }
-  for (const auto& [build, count] : found) builds.counts.push_back({build, count.first});
-  std::sort(builds.counts.begin(), builds.counts.end(),
-            [&](const auto& a, const auto& b) { return found[a.build] > found[b.build]; });
-  return builds;
-}
-
-absl::StatusOr<std::vector<int64_t>> EpisodesInOrder(
-    const scoring::TrackScoring& scoring, const std::vector<scoring::JudgedEpisode>& episodes) {
-  std::vector<scoring::BoardEntry> entries;
-  std::set<int64_t> unranked;
-  for (const scoring::JudgedEpisode& episode : episodes) {
-    if (episode.verdict.reason.name() == kPhantom) continue;
-    ASSIGN_OR_RETURN(const auto aggregate,
-                     scoring::AggregateEpisodes(scoring.track->metrics, {episode}));
-    scoring::BoardEntry entry = scoring::MakeEntry(scoring.track->metrics, aggregate);
-    entry.submission = entry.team = absl::StrCat(episode.index);  // each stands for itself
-    entry.acceptance = episode.index;
-    if (!unranked.insert(episode.index).second) {
-      return absl::InvalidArgumentError(absl::StrCat("two rows are of episode ", episode.index));
-    }
-    entries.push_back(std::move(entry));
-  }
-  const auto board = scoring.boards.find(scoring::kMainBoard);
-  ASSIGN_OR_RETURN(const auto ranked,
-                   scoring::Rank(entries, board->second.rules, scoring::TeamRule::kBest));
-  std::vector<int64_t> order;
-  for (const scoring::RankedEntry& entry : ranked) {
-    order.push_back(entry.entry.acceptance);
-    unranked.erase(entry.entry.acceptance);
-  }
-  order.insert(order.end(), unranked.begin(), unranked.end());
-  return order;
-}
-
-std::vector<PickedEpisode> BestMedianWorst(const std::vector<int64_t>& order) {
-  if (order.empty()) return {};
-  if (order.size() == 1) return {{"only", order.front()}};
-  if (order.size() == 2) return {{"best", order.front()}, {"worst", order.back()}};
-  return {
-      {"best", order.front()}, {"median", order[(order.size() - 1) / 2]}, {"worst", order.back()}};
 }
 
 }  // namespace myograde::server

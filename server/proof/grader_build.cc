@@ -1,5 +1,6 @@
 #include "server/proof/grader_build.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <system_error>
@@ -8,6 +9,7 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/mutex.h"
 #include "protocol/base/sha256.h"
+#include "server/base/json_value.h"
 #include "server/base/paths.h"
 
 namespace myograde::server {
@@ -15,6 +17,8 @@ namespace {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
+
+constexpr size_t kBuildDigits = 12;  // of SimulatingBuild
 
 // The SHA-256 of a file, or null. Cached until the file changes, as every submission asks for it.
 Json FileHash(const fs::path& path) {
@@ -81,6 +85,35 @@ nlohmann::json GraderBuild(const std::string& cache_dir,
     build["adapters"][name] = bin_dir.ok() ? AdapterHash(AdapterFolder(name, *bin_dir)) : Json();
   }
   return build;
+}
+
+bool SameSimulation(const Json& a, const Json& b) {
+  for (const char* key : {"simulator", "mujoco"}) {
+    if (!At(a, key).is_string() || At(a, key) != At(b, key)) return false;
+  }
+  const Json& adapters_a = At(a, "adapters");
+  const Json& adapters_b = At(b, "adapters");
+  for (const auto& [name, hash] : adapters_a.items()) {
+    if (At(adapters_b, name) != hash) return false;
+  }
+  // A model is compiled when it is first needed, so one of the builds may know fewer.
+  const Json& models_a = At(a, "models");
+  const Json& models_b = At(b, "models");
+  if (!models_a.is_object() || !models_b.is_object()) return false;
+  return std::all_of(models_a.items().begin(), models_a.items().end(), [&](const auto& model) {
+    const auto other = models_b.find(model.key());
+    return other == models_b.end() || *other == model.value();
+  });
+}
+
+std::string SimulatingBuild(std::string_view grader_json) {
+  const Json grader = Json::parse(grader_json, nullptr, false);
+  if (!grader.is_object()) return "";
+  Json parts = Json::object();
+  for (const char* part : {"simulator", "mujoco", "models"}) {
+    parts[part] = grader.value(part, Json());
+  }
+  return Sha256Hex(CanonicalJson(parts)).substr(0, kBuildDigits);
 }
 
 }  // namespace myograde::server

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <nlohmann/json.hpp>
@@ -14,6 +15,13 @@ namespace myograde::server {
 // has changed.
 nlohmann::json GraderBuild(const std::string& cache_dir,
                            const std::vector<std::string>& adapters = {});
+
+// Whether a build `b` has the simulator, library, compiled models and adapters of `a`.
+bool SameSimulation(const nlohmann::json& a, const nlohmann::json& b);
+
+// The first 12 digits of the SHA-256 over what a build simulates with, as canonical JSON: the
+// simulator, MuJoCo's library and the models. "": the text is no build.
+std::string SimulatingBuild(std::string_view grader_json);
 
 // This program's version.
 std::string GraderVersion();

@@ -12,7 +12,7 @@
 #include "server/store/callers.h"
 #include "server/store/content.h"
 #include "server/store/context.h"
-#include "server/store/data_folder.h"
+#include "server/base/data_folder.h"
 #include "server/store/deliveries.h"
 #include "server/store/episodes.h"
 #include "server/store/evaluations.h"

@@ -1,8 +1,8 @@
 // Which builds of the grader give the same facts.
+#include "server/proof/grader_build.h"
+
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
-
-#include "server/engine/rejudges.h"
 
 namespace myograde::server {
 namespace {
@@ -17,6 +17,16 @@ TEST(SameSimulation, ComparesTheAdaptersThatTheFirstBuildNames) {
   EXPECT_TRUE(SameSimulation(adapted, adapted));
   EXPECT_FALSE(SameSimulation(adapted, changed));
   EXPECT_FALSE(SameSimulation(adapted, plain));
+}
+
+TEST(SimulatingBuild, IsToldByWhatSimulates) {
+  constexpr char kOne[] = R"({"models":{},"mujoco":"a","simulator":"b","version":"1"})";
+  constexpr char kSameParts[] = R"({"models":{},"mujoco":"a","simulator":"b","version":"2"})";
+  constexpr char kOther[] = R"({"models":{},"mujoco":"a","simulator":"c","version":"1"})";
+  EXPECT_EQ(SimulatingBuild(kOne).size(), 12u);
+  EXPECT_EQ(SimulatingBuild(kOne), SimulatingBuild(kSameParts));
+  EXPECT_NE(SimulatingBuild(kOne), SimulatingBuild(kOther));
+  EXPECT_EQ(SimulatingBuild("[]"), "");
 }
 
 }  // namespace

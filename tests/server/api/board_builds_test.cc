@@ -1,6 +1,8 @@
-#include "server/grading/leaderboard.h"
+#include "server/api/board_view.h"
 
 #include <gtest/gtest.h>
+
+#include "server/proof/grader_build.h"
 
 namespace myograde::server {
 namespace {
@@ -8,13 +10,6 @@ namespace {
 constexpr char kOne[] = R"({"models":{},"mujoco":"a","simulator":"b","version":"1"})";
 constexpr char kSameParts[] = R"({"models":{},"mujoco":"a","simulator":"b","version":"2"})";
 constexpr char kOther[] = R"({"models":{},"mujoco":"a","simulator":"c","version":"1"})";
-
-TEST(BoardBuilds, AreToldByWhatSimulates) {
-  EXPECT_EQ(SimulatingBuild(kOne).size(), 12u);
-  EXPECT_EQ(SimulatingBuild(kOne), SimulatingBuild(kSameParts));
-  EXPECT_NE(SimulatingBuild(kOne), SimulatingBuild(kOther));
-  EXPECT_EQ(SimulatingBuild("[]"), "");
-}
 
 TEST(BoardBuilds, TheBoardIsOfTheOneOfMostRows) {
   const BoardBuilds builds = CountBuilds({1, 2, 9}, {kOne, kSameParts, kOther});
