@@ -10,17 +10,30 @@ namespace {
 using Json = nlohmann::json;
 
 Json SpreadToJson(const Spread& spread) {
-  return {{"deviation", spread.deviation}, {"low", spread.low}, {"high", spread.high}};
+  Json json;
+  json["deviation"] = spread.deviation;
+  json["low"] = spread.low;
+  json["high"] = spread.high;
+  return json;
+}
+
+// null if there is none, or no object.
+const Json& ValueAt(const Json& json, std::string_view key) {
+  static const Json kNone;
+  const auto found = json.find(key);
+  return found == json.end() ? kNone : *found;
 }
 
 }  // namespace
 
 Json MetricsToJson(const ScoredTrack& track, const Verdict& verdict) {
-  Json json = {{"success", verdict.outcome == Outcome::kSuccess ? 1 : 0}};
+  Json json;
+  json["success"] = verdict.outcome == Outcome::kSuccess ? 1 : 0;
   for (size_t i = 0; i < track.metrics.size(); ++i) {
     const Metric& metric = track.metrics[i];
     if (metric.source != Metric::Source::kJudged) continue;
-    json[std::string(metric.name)] = verdict.metrics.at(i).has_value() ? Json(*verdict.metrics[i]) : Json();
+    const std::optional<double>& value = verdict.metrics.at(i);
+    json[std::string(metric.name)] = value.has_value() ? Json(*value) : Json();
   }
   for (const std::string_view key : track.null_metrics) json[std::string(key)] = nullptr;
   return json;
@@ -28,10 +41,12 @@ Json MetricsToJson(const ScoredTrack& track, const Verdict& verdict) {
 
 Json AggregateToJson(const ScoredTrack& track, const Aggregate& aggregate) {
   if (aggregate.episodes == 0) return nullptr;
-  Json json = {{"episodes", aggregate.episodes},
-               {"successes", aggregate.successes},
-               {"success_rate", aggregate.success_rate()}};
-  Json spread = {{"success_rate", SpreadToJson(aggregate.success_spread)}};
+  Json json;
+  json["episodes"] = aggregate.episodes;
+  json["successes"] = aggregate.successes;
+  json["success_rate"] = aggregate.success_rate();
+  Json spread;
+  spread["success_rate"] = SpreadToJson(aggregate.success_spread);
   for (size_t i = 0; i < track.metrics.size(); ++i) {
     const std::string name(track.metrics[i].name);
     const Mean& mean = aggregate.means.at(i);
@@ -45,12 +60,8 @@ Json AggregateToJson(const ScoredTrack& track, const Aggregate& aggregate) {
 }
 
 BoardEntry EntryOfJson(const ScoredTrack& track, const Json& aggregate) {
-  const auto number = [&](std::string_view key) {
-    const Json value = aggregate.is_object() ? aggregate.value(key, Json()) : Json();
-    return value.is_number() ? value : Json();
-  };
-  const auto count = [&](const char* key) {
-    const Json value = number(key);
+  const auto count = [&](std::string_view key) {
+    const Json& value = ValueAt(aggregate, key);
     return value.is_number_integer() ? value.get<int64_t>() : 0;
   };
   BoardEntry entry;
@@ -58,8 +69,8 @@ BoardEntry EntryOfJson(const ScoredTrack& track, const Json& aggregate) {
   entry.episodes = count("episodes");
   for (const Metric& metric : track.metrics) {
     if (!metric.ranked) continue;
-    const Json value = number(metric.name);
-    entry.numbers.push_back(value.is_null() ? std::nullopt : std::optional(value.get<double>()));
+    const Json& value = ValueAt(aggregate, metric.name);
+    entry.numbers.push_back(value.is_number() ? std::optional(value.get<double>()) : std::nullopt);
   }
   return entry;
 }
@@ -74,11 +85,13 @@ Json MetricToJson(const Metric& metric) {
   const char* better = metric.better == Better::kLess   ? "less"
                        : metric.better == Better::kMore ? "more"
                                                         : "neither";
-  return {{"name", metric.name},
-          {"title", metric.title},
-          {"unit", metric.unit},
-          {"better", better},
-          {"digits", metric.digits}};
+  Json json;
+  json["name"] = metric.name;
+  json["title"] = metric.title;
+  json["unit"] = metric.unit;
+  json["better"] = better;
+  json["digits"] = metric.digits;
+  return json;
 }
 
 Json ShownMetrics(const TrackScoring& scoring) {

@@ -1,6 +1,7 @@
 // The order of an evaluation's episodes, against the boards themselves.
 #include "scoring/episode_order.h"
 
+#include <cmath>
 #include <map>
 #include <optional>
 #include <string>
@@ -93,6 +94,15 @@ TEST(EpisodeOrder, PutsFaultsLastAndEqualOnesByIndex) {
   EXPECT_TRUE(absl::IsInvalidArgument(
       EpisodesInOrder(track, {same(1, Outcome::kSuccess), same(1, Outcome::kSuccess)})
           .status()));
+}
+
+TEST(EpisodeOrder, TellsWhatCantBeOrdered) {
+  const TrackScoring track = Shipped("manipulation");
+  const JudgedEpisode negative = Episode(track, -1, Outcome::kSuccess, {{"time_s", 4}});
+  EXPECT_TRUE(absl::IsInvalidArgument(EpisodesInOrder(track, {negative}).status()));
+  const JudgedEpisode infinite =
+      Episode(track, 0, Outcome::kSuccess, {{"time_s", HUGE_VAL}, {"effort", 0.1}});
+  EXPECT_TRUE(absl::IsInvalidArgument(EpisodesInOrder(track, {infinite}).status()));
 }
 
 std::vector<std::string> Picked(const std::vector<int64_t>& order) {
