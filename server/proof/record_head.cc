@@ -14,7 +14,6 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr int64_t kMaxEntries = int64_t{1} << 40;
-constexpr size_t kMaxHeadBytes = 4096;
 
 Json HeadToJson(const RecordHead& head) {
   return {{"size", head.size}, {"root", ToHex(head.root)}, {"chain", head.chain}};

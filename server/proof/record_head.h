@@ -20,6 +20,8 @@
 
 namespace myograde::server {
 
+inline constexpr size_t kMaxHeadBytes = 4096;
+
 struct RecordHead {
   int64_t size = 0;
   Sha256Digest root = {};

@@ -89,6 +89,15 @@ absl::Status MakeFolders(const std::string& folder, const std::string& todo) {
       absl::StrCat(folder, ": can't be created: ", error.message(), todo));
 }
 
+absl::Status MakeEmptyFolder(const std::string& folder, const std::string& todo) {
+  RETURN_IF_ERROR(MakeFolders(folder, todo));
+  std::error_code error;
+  const bool empty = std::filesystem::is_empty(folder, error);
+  if (empty && !error) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat(folder, ": is not empty", error ? ", or can't be read" : "", todo));
+}
+
 absl::StatusOr<std::vector<uint64_t>> ReadSeeds(const std::string& path) {
   ASSIGN_OR_RETURN(const std::string text, ReadFile(path, kMaxSeedFileBytes));
   const absl::string_view content = absl::StripLeadingAsciiWhitespace(text);

@@ -52,6 +52,9 @@ absl::StatusOr<std::string> WriteNewFile(const std::string& path, std::string_vi
 // `todo`.
 absl::Status MakeFolders(const std::string& folder, const std::string& todo = "");
 
+// The same, and it has nothing in it.
+absl::Status MakeEmptyFolder(const std::string& folder, const std::string& todo = "");
+
 // Reads a seed list: whole numbers from 0 to 2^63-1 without repetition, 1 to 10,000 of them, in
 // JSON as ParseSeeds takes them or one a line ('#' begins a comment). InvalidArgumentError names
 // the file and the line or entry.

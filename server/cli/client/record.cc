@@ -2,7 +2,6 @@
 #include <absl/strings/str_cat.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <functional>
 #include <iostream>
 #include <map>
@@ -26,8 +25,6 @@
 
 namespace myograde::server {
 namespace {
-
-namespace fs = std::filesystem;
 
 struct ReceiptOptions : SubmissionOptions {
   std::string file;
@@ -75,8 +72,6 @@ absl::StatusOr<int> Key(const RecordOptions& options) {
   }
   return kDone;
 }
-
-constexpr size_t kMaxHeadFile = 4096;
 
 absl::StatusOr<int> ShowHead(const RecordOptions& options) {
   ASSIGN_OR_RETURN(const Json head, options.client().Get("/v1/record/head"));
@@ -151,7 +146,7 @@ absl::StatusOr<int> ProveEntry(const RecordOptions& options) {
 }
 
 absl::StatusOr<int> ProveSince(const RecordOptions& options) {
-  ASSIGN_OR_RETURN(const std::string text, ReadFile(options.since, kMaxHeadFile));
+  ASSIGN_OR_RETURN(const std::string text, ReadFile(options.since, kMaxHeadBytes));
   const absl::StatusOr<RecordHead> earlier = ParseHead(text);
   if (!earlier.ok()) {
     return absl::InvalidArgumentError(
@@ -193,7 +188,7 @@ class RecordExporter {
   // they still do. InvalidArgumentError: the folder has files already, or can't be written.
   absl::StatusOr<Json> Run() {
     ASSIGN_OR_RETURN(const Json key, client_.Get("/v1/key"));
-    RETURN_IF_ERROR(MakeEmptyFolder());
+    RETURN_IF_ERROR(MakeFolder());
     for (int round = 0; round < kMostRounds; ++round) {
       std::string text;
       ASSIGN_OR_RETURN(const RecordHead head, PresentHead(client_, &text));
@@ -221,16 +216,9 @@ class RecordExporter {
   }
 
  private:
-  absl::Status MakeEmptyFolder() const {
-    constexpr char kTodo[] = "; name another folder";
-    RETURN_IF_ERROR(MakeFolders(folder_, kTodo));
-    std::error_code error;
-    const bool empty = fs::is_empty(folder_, error);
-    if (error || !empty) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(folder_, ": is not empty", error ? ", or can't be read" : "",
-                       "; name a new folder"));
-    }
+  absl::Status MakeFolder() const {
+    constexpr char kTodo[] = "; name a new folder";
+    RETURN_IF_ERROR(MakeEmptyFolder(folder_, kTodo));
     for (const char* part : {"/receipts", "/configs", "/boards", "/secrets"}) {
       RETURN_IF_ERROR(MakeFolders(folder_ + part, kTodo));
     }

@@ -174,12 +174,7 @@ absl::StatusOr<std::string> MakeFolder(const TryOptions& options) {
     const fs::path name = policy.has_filename() ? policy.stem() : policy.parent_path().filename();
     folder = absl::StrCat("try-", name.string());
   }
-  RETURN_IF_ERROR(MakeFolders(folder.string(), "; name another with -o"));
-  std::error_code error;
-  if (!fs::is_empty(folder, error) || error) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(folder.string(), ": is not empty; remove it, or name another folder with -o"));
-  }
+  RETURN_IF_ERROR(MakeEmptyFolder(folder.string(), "; name another with -o"));
   return folder.string();
 }
 

@@ -1,6 +1,5 @@
 #include "server/cli/offline/record_boards.h"
 
-#include <algorithm>
 #include <optional>
 #include <utility>
 

@@ -17,7 +17,6 @@
 #include <string_view>
 #include <utility>
 
-#include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
 #include "protocol/base/fd.h"

@@ -94,7 +94,7 @@ absl::Status WarnOfHiddenSeeds(const std::string& path) {
     }
     if (table != "config") return absl::OkStatus();
     const Json config =
-        Json::parse(TextAt(row, "effective_json"), nullptr, /*allow_exceptions=*/false);
+        Json::parse(TextAt(row, "content_json"), nullptr, /*allow_exceptions=*/false);
     const bool hides = config.is_object() && config.contains("seed_salt");
     if (hides && !TextAt(config, "phase").empty()) hidden.insert(TextAt(config, "phase"));
     return absl::OkStatus();

@@ -14,6 +14,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
 #include "server/cli/terminal/terminal.h"
+#include "server/proof/record_head.h"
 #include "server/proof/seed_list.h"
 #include "server/store/journal.h"
 
@@ -24,7 +25,6 @@ using Json = nlohmann::json;
 
 // More than what the daemon writes has of each.
 constexpr size_t kMaxEntryBytes = 4 << 20;
-constexpr int64_t kMaxHeadBytes = 4096;
 constexpr int64_t kMaxReceiptFile = 16 << 20;
 constexpr int64_t kMaxConfigFile = 16 << 20;
 constexpr int64_t kMaxBoardFile = 256 << 20;
