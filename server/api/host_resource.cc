@@ -146,9 +146,8 @@ ApiResult SetNode(const ApiContext& context, const Request& request, const Json&
                          "no_cluster");
   }
   const std::string node = request.matches[1];
-  const absl::Duration timeout = context.config.http.request;
-  RETURN_IF_ERROR(drain ? context.engine.DrainNode(node, why, CallerKey(), timeout)
-                        : context.engine.AdmitNode(node, CallerKey(), timeout));
+  RETURN_IF_ERROR(
+      context.engine.SetNode(node, drain, why, CallerKey(), context.config.http.request));
   NoteAct(absl::StrCat("node ", node), drain ? absl::StrCat("drained: ", why) : "admitted");
   return ApiAnswer{200, {{"node", node}, {"state", drain ? "drained" : "admitted"}}};
 }

@@ -39,14 +39,6 @@ absl::Status Found(Transaction& writer, const NewSubmission& submission) {
 
 using EvaluationIds = std::vector<int64_t>;
 
-// Adds an item, and its evaluation to `to_queue` if there is something to play.
-absl::Status AddItem(Transaction& writer, const NewRejudgeItem& item, const std::string& who,
-                     EvaluationIds& to_queue) {
-  ASSIGN_OR_RETURN(const Accepted added, writer.rejudges.AddItem(item, who));
-  if (!added.blocks.empty()) to_queue.push_back(added.evaluation);
-  return absl::OkStatus();
-}
-
 absl::Status EnqueueAll(EngineCore& core, const EvaluationIds& evaluations) {
   for (const int64_t evaluation : evaluations) {
     RETURN_IF_ERROR(core.Enqueue(evaluation));
@@ -170,16 +162,12 @@ absl::Status Engine::Change(StoreChange change, absl::Duration timeout,
       timeout);
 }
 
-absl::Status Engine::DrainNode(const std::string& node, const std::string& why,
-                               const std::string& who, absl::Duration timeout) {
-  return Change([=](Transaction& writer) { return writer.blocks.DrainNode(node, why, who); },
-                timeout, [this, node, why] { return core_.executor().Drain(node, why); });
-}
-
-absl::Status Engine::AdmitNode(const std::string& node, const std::string& who,
-                               absl::Duration timeout) {
-  return Change([=](Transaction& writer) { return writer.blocks.AdmitNode(node, who); }, timeout,
-                [this, node] { return core_.executor().Admit(node); });
+absl::Status Engine::SetNode(const std::string& node, bool drained, const std::string& why,
+                             const std::string& who, absl::Duration timeout) {
+  return Change([=](Transaction& writer) { return writer.blocks.SetNode(node, drained, why, who); },
+                timeout, [=, this] {
+                  return drained ? core_.executor().Drain(node, why) : core_.executor().Admit(node);
+                });
 }
 
 absl::StatusOr<bool> Engine::AddArtefact(const ArtefactRow& artefact, const NewUpload& upload,
@@ -265,20 +253,14 @@ absl::StatusOr<RejudgePlan> Engine::CreateRejudge(const NewRejudge& asked, const
   ASSIGN_OR_RETURN(RejudgePlan plan, readers_.Read<RejudgePlan>([&](const Transaction& reader) {
                      return PlanRejudge(reader, rejudge, core_.options().data_dir);
                    }));
-  const auto to_queue = std::make_shared<EvaluationIds>();
-  ASSIGN_OR_RETURN(
-      plan.rejudge,
-      Change<int64_t>(
-          [=, items = std::move(plan.items)](Transaction& writer) -> absl::StatusOr<int64_t> {
-            ASSIGN_OR_RETURN(RejudgeRow row, writer.rejudges.Add(rejudge, sign, who));
-            to_queue->clear();
-            for (NewRejudgeItem item : items) {
-              item.rejudge = row.id;
-              RETURN_IF_ERROR(AddItem(writer, item, who, *to_queue));
-            }
-            return row.id;
-          },
-          timeout, [this, to_queue](int64_t) { return EnqueueAll(core_, *to_queue); }));
+  ASSIGN_OR_RETURN(plan.rejudge,
+                   Change<int64_t>(
+                       [=](Transaction& writer) -> absl::StatusOr<int64_t> {
+                         ASSIGN_OR_RETURN(const RejudgeRow row,
+                                          writer.rejudges.Add(rejudge, sign, who));
+                         return row.id;
+                       },
+                       timeout));
   return plan;
 }
 
@@ -304,8 +286,11 @@ absl::Status Engine::AddRejudgeItems(std::vector<NewRejudgeItem> items, absl::Du
         to_queue->clear();
         absl::Status passing;
         for (const NewRejudgeItem& item : items) {
-          const absl::Status added = writer.Part(
-              [&](Transaction& part) { return AddItem(part, item, kRejudger, *to_queue); });
+          const absl::Status added = writer.Part([&](Transaction& part) -> absl::Status {
+            ASSIGN_OR_RETURN(const Accepted accepted, part.rejudges.AddItem(item, kRejudger));
+            if (!accepted.blocks.empty()) to_queue->push_back(accepted.evaluation);
+            return absl::OkStatus();
+          });
           if (MayPass(added) || IsBrokenStore(added)) {
             passing.Update(added);
           } else if (!added.ok()) {

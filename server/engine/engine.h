@@ -141,9 +141,8 @@ class Engine {
 
   // Gives a cluster's node no more leases, or some again once it passes its self-test; the store keeps it.
   // Errors of Executor::Drain and Admit, and of Change().
-  absl::Status DrainNode(const std::string& node, const std::string& why, const std::string& who,
-                         absl::Duration timeout);
-  absl::Status AdmitNode(const std::string& node, const std::string& who, absl::Duration timeout);
+  absl::Status SetNode(const std::string& node, bool drained, const std::string& why,
+                       const std::string& who, absl::Duration timeout);
 
  private:
   void Poll(absl::Duration timeout);

@@ -188,7 +188,7 @@ void EngineCore::AttendExecutor() {
     spdlog::error("node {} gets no more leases: {}", drained.node, drained.why);
     AddToJournal(0, [drained, who = owner_](Transaction& writer) {
       return Note(writer, [&](Transaction& part) {
-        return part.blocks.DrainNode(drained.node, drained.why, who);
+        return part.blocks.SetNode(drained.node, /*drained=*/true, drained.why, who);
       });
     });
   }

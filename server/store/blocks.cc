@@ -27,12 +27,6 @@ constexpr StoredRows<AttemptRow, 9> kRuns = {
 constexpr StoredRows<DrainedNodeRow, 4> kNodes = {
     .table = "node_event", .select = "SELECT id, at, node, who, why FROM node_event AS n ", .first = 1};
 
-// The newest event of a node and its reason; "" if there is none.
-std::tuple<std::string, std::string> LatestEvent(SQLite::Database& db, const std::string& node) {
-  return FirstRow<std::string, std::string>(
-      db, "SELECT event, why FROM node_event WHERE node = ? ORDER BY id DESC LIMIT 1", node);
-}
-
 constexpr StoredRows<BlockRow, 13> kBlocks = {
     .table = "block",
     .select =
@@ -136,21 +130,13 @@ absl::Status Blocks::RecordAttempt(const AttemptRow& run) {
   return absl::OkStatus();
 }
 
-void Blocks::AddNodeEvent(const std::string& node, const char* event, const std::string& why,
-                          const std::string& who) {
+absl::Status Blocks::SetNode(const std::string& node, bool drained, const std::string& why,
+                             const std::string& who) {
+  const auto [event, reason] = FirstRow<std::string, std::string>(
+      db_, "SELECT event, why FROM node_event WHERE node = ? ORDER BY id DESC LIMIT 1", node);
+  if ((event == "drained") == drained && (!drained || reason == why)) return absl::OkStatus();
   Run(db_, "INSERT INTO node_event (at, node, event, who, why) VALUES (?, ?, ?, ?, ?)", now_ms_,
-      node, event, who, why);
-}
-
-absl::Status Blocks::DrainNode(const std::string& node, const std::string& why,
-                               const std::string& who) {
-  const auto [event, reason] = LatestEvent(db_, node);
-  if (event != "drained" || reason != why) AddNodeEvent(node, "drained", why, who);
-  return absl::OkStatus();
-}
-
-absl::Status Blocks::AdmitNode(const std::string& node, const std::string& who) {
-  if (std::get<0>(LatestEvent(db_, node)) == "drained") AddNodeEvent(node, "admitted", "", who);
+      node, drained ? "drained" : "admitted", who, why);
   return absl::OkStatus();
 }
 

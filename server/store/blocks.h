@@ -45,16 +45,12 @@ class Blocks : StorePart {
   absl::Status RecordAttempt(const AttemptRow& run);
   // A node of a cluster gets no blocks until it is admitted; the reason in force is the latest.
   // Admitting a node that is not drained changes nothing. `node` is not "".
-  absl::Status DrainNode(const std::string& node, const std::string& why, const std::string& who);
-  absl::Status AdmitNode(const std::string& node, const std::string& who);
+  absl::Status SetNode(const std::string& node, bool drained, const std::string& why,
+                       const std::string& who);
   absl::StatusOr<BlockRow> Find(int64_t block);
 
   // Why a block can't be `what`: it is in another state, or attempt.
   static absl::Status Refused(const char* what, const BlockRow& block, std::string_view step);
-
- private:
-  void AddNodeEvent(const std::string& node, const char* event, const std::string& why,
-                    const std::string& who);
 };
 
 }  // namespace myograde::server

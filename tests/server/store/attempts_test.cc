@@ -21,12 +21,12 @@ class AttemptsTest : public StoreTest {
   }
   void Drain(const std::string& node, const std::string& why) {
     const absl::Status status = store_->Write(
-        [&](Transaction& writer) { return writer.blocks.DrainNode(node, why, "uid 0"); });
+        [&](Transaction& writer) { return writer.blocks.SetNode(node, true, why, "uid 0"); });
     ASSERT_TRUE(status.ok()) << status;
   }
   void Admit(const std::string& node) {
-    const absl::Status status =
-        store_->Write([&](Transaction& writer) { return writer.blocks.AdmitNode(node, "uid 7"); });
+    const absl::Status status = store_->Write(
+        [&](Transaction& writer) { return writer.blocks.SetNode(node, false, "", "uid 7"); });
     ASSERT_TRUE(status.ok()) << status;
   }
   std::vector<AttemptRow> ListAttempts(int64_t evaluation) {
