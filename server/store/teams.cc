@@ -1,6 +1,5 @@
 #include "server/store/teams.h"
 
-#include <map>
 #include <utility>
 
 #include <absl/strings/cord.h>
@@ -20,9 +19,7 @@ namespace {
 constexpr char kResembledKey[] = "myograde/resembled-team";
 
 int64_t RowNamedExactly(SQLite::Database& db, const std::string& name) {
-  return FirstValue<int64_t>(db, R"(SELECT id FROM team
-      WHERE name = ?1 UNION ALL SELECT team_id FROM former_name WHERE name = ?1 LIMIT 1)",
-                             name);
+  return FirstValue<int64_t>(db, "SELECT team_id FROM team_name WHERE name = ?", name);
 }
 
 // The oldest other team that the name resembles, now or by a former name of its own; "": none.
@@ -76,8 +73,9 @@ absl::Status CheckNotConfusable(SQLite::Database& db, const std::string& clean, 
   return status;
 }
 
-// Adds what one more name of a team looks like.
-void AddSkeletons(SQLite::Database& db, int64_t team, const std::string& name) {
+// Adds one more name of a team, and what it looks like.
+void AddName(SQLite::Database& db, int64_t team, const std::string& name) {
+  Run(db, "INSERT OR IGNORE INTO team_name VALUES (?, ?)", name, team);
   for (const std::string& look : ConfusableSkeletons(name)) {
     Run(db, "INSERT OR IGNORE INTO team_skeleton VALUES (?, ?)", look, team);
   }
@@ -105,8 +103,6 @@ constexpr char kMemberships[] =
 absl::Status Conflict(const std::string& sentence) {
   return absl::FailedPreconditionError(sentence);
 }
-
-absl::Status Forbid(const std::string& sentence) { return CodedRefusal(kForbiddenCode, sentence); }
 
 bool Belongs(SQLite::Database& db, int64_t team, const std::string& person) {
   return AnyRow(db, absl::StrCat("SELECT 1 ", kMemberships, "AND m.team_id = ? AND m.person = ?"),
@@ -179,44 +175,20 @@ std::vector<std::string> ListMembers(SQLite::Database& db, int64_t team) {
       team);
 }
 
-constexpr StoredRows<TeamRow, 6> kTeams = {
-    "team",
-    "SELECT t.id, t.name, t.created_at, t.banned, iif(t.merged_into IS NULL, '', g.name) "
-    "AS merged_into, (SELECT count(*) FROM submission WHERE team_id IN (SELECT id FROM team "
-    "WHERE ifnull(t.merged_into, t.id) IN (id, merged_into))) FROM team AS t "
-    "LEFT JOIN team AS g ON g.id = t.merged_into "};
+constexpr StoredRows<TeamRow, 8> kTeams = {"team", R"(SELECT t.id, t.name, t.created_at, t.banned,
+    iif(t.merged_into IS NULL, '', g.name) AS merged_into, (SELECT count(*) FROM submission
+    WHERE team_id IN (SELECT id FROM team WHERE id = ifnull(t.merged_into, t.id)
+    OR merged_into = ifnull(t.merged_into, t.id))),
+    (SELECT json_group_array(name) FROM (SELECT n.name FROM team_name AS n JOIN team AS o
+    ON o.id = n.team_id WHERE t.merged_into IS NULL AND (o.id = t.id OR o.merged_into = t.id)
+    AND n.name != t.name AND typeof(n.name) = 'text' ORDER BY n.name)),
+    (SELECT json_group_array(person) FROM (SELECT m.person FROM member AS m WHERE m.team_id = t.id
+    AND m.belongs = 1 AND typeof(m.person) = 'text' AND m.id = (SELECT max(id) FROM member
+    WHERE team_id IS m.team_id AND person IS m.person) ORDER BY m.person))
+    FROM team AS t LEFT JOIN team AS g ON g.id = t.merged_into )"};
 
 constexpr StoredRows<MemberRow, 3> kMembers = {
     .table = "member", .select = "SELECT m.id, m.person, m.at, m.who ", .first = 1};
-
-// By a team's id, the texts that the two columns of a query give; unreadable ones are left out.
-std::map<int64_t, std::vector<std::string>> TextsByTeam(SQLite::Database& db,
-                                                        const std::string& sql) {
-  struct TextOfTeam {
-    int64_t team = 0;
-    std::string text;
-  };
-  std::map<int64_t, std::vector<std::string>> texts;
-  for (TextOfTeam& row : StoredRows<TextOfTeam, 2>{"team", ""}.List(db, sql).rows) {
-    texts[row.team].push_back(std::move(row.text));
-  }
-  return texts;
-}
-
-// Adds the other names of teams, and their members.
-void AddPeople(SQLite::Database& db, std::vector<TeamRow>& teams) {
-  auto names = TextsByTeam(
-      db,
-      "SELECT ifnull(t.merged_into, t.id), f.name FROM former_name AS f JOIN team AS t ON "
-      "t.id = f.team_id UNION SELECT merged_into, name FROM team WHERE merged_into NOT NULL "
-      "ORDER BY 2");
-  auto members = TextsByTeam(
-      db, absl::StrCat("SELECT m.team_id, m.person ", kMemberships, "ORDER BY m.person"));
-  for (TeamRow& team : teams) {
-    team.other_names = std::move(names[team.id]);
-    team.members = std::move(members[team.id]);
-  }
-}
 
 }  // namespace
 
@@ -233,14 +205,13 @@ void FillTeamSkeletons(SQLite::Database& db) {
   const std::string version = SkeletonVersion();
   const bool fits = Meta(db, "team_skeletons") == version;
   if (!fits) db.exec("DELETE FROM team_skeleton");
-  Statement select(db, R"(WITH bare AS (SELECT id FROM team AS t
-      WHERE NOT EXISTS (SELECT 1 FROM team_skeleton WHERE team = t.id)) SELECT id, name FROM team
-      WHERE id IN bare UNION ALL SELECT team_id, name FROM former_name WHERE team_id IN bare)");
+  Statement select(db, R"(SELECT team_id, name FROM team_name
+      WHERE team_id NOT IN (SELECT team FROM team_skeleton))");
   std::vector<std::pair<int64_t, std::string>> teams;
   while (select.executeStep()) {
     teams.emplace_back(select.getColumn(0).getInt64(), select.getColumn(1).getString());
   }
-  for (const auto& [team, name] : teams) AddSkeletons(db, team, name);
+  for (const auto& [team, name] : teams) AddName(db, team, name);
   if (!fits) SetMeta(db, "team_skeletons", version);
 }
 
@@ -283,7 +254,7 @@ int64_t Teams::Ensure(const TeamInForce& allowed, const std::string& who, const 
   if (allowed.id != 0) return allowed.id;
   Run(db_, "INSERT INTO team (name, created_at) VALUES (?, ?)", allowed.name, now_ms_);
   const int64_t team = db_.getLastInsertRowid();
-  AddSkeletons(db_, team, allowed.name);
+  AddName(db_, team, allowed.name);
   AddTeamEvent(db_, now_ms_, team, "created", "", who, why);
   return team;
 }
@@ -310,17 +281,17 @@ absl::Status Teams::Found(const std::string& team, const std::string& person, in
                           " UNION ALL SELECT 1 FROM submission WHERE team_id IN ", rows,
                           " AND accepted_by != ?2 LIMIT 1"),
              found.id, person)) {
-    return Forbid(absl::StrCat("team \"", name, "\" belongs to others, and ", person,
-                               " is not a member of it; choose another name, or ask an organiser to "
-                               "add you"));
+    return CodedRefusal(
+        kForbiddenCode,
+        absl::StrCat("team \"", name, "\" belongs to others, and ", person,
+                     " is not a member of it; choose another name, or ask an organiser to add you"));
   }
   if (std::ssize(teams) >= most) {
-    return Forbid(absl::StrCat(person, " belongs to ", TeamList(teams),
-                               ", and one person may "
-                               "belong to ",
-                               Counted(most, "team"), "; go on with ",
-                               teams.size() == 1 ? "that one" : "one of those",
-                               ", or ask an organiser"));
+    return CodedRefusal(
+        kForbiddenCode,
+        absl::StrCat(person, " belongs to ", TeamList(teams), ", and one person may belong to ",
+                     Counted(most, "team"), "; go on with ",
+                     teams.size() == 1 ? "that one" : "one of those", ", or ask an organiser"));
   }
   AddMember(db_, now_ms_, Ensure(found, person), person, true, person);
   return absl::OkStatus();
@@ -332,10 +303,8 @@ absl::StatusOr<bool> Teams::Rename(const std::string& team, const std::string& n
   ASSIGN_OR_RETURN(const std::string clean, CleanName(name, "the team's new name"));
   if (clean == found.name) return false;
   RETURN_IF_ERROR(CheckFree(db_, clean, found.id));
-  Run(db_, "DELETE FROM former_name WHERE name = ? AND team_id = ?", clean, found.id);
   Run(db_, "UPDATE team SET name = ? WHERE id = ?", clean, found.id);
-  Run(db_, "INSERT INTO former_name (name, team_id) VALUES (?, ?)", found.name, found.id);
-  AddSkeletons(db_, found.id, clean);
+  AddName(db_, found.id, clean);
   RenameUploads(db_, found.name, clean);
   AddTeamEvent(db_, now_ms_, found.id, "renamed", found.name, who, why);
   return true;
@@ -388,17 +357,12 @@ std::set<std::string> Teams::OfPerson(const std::string& person) const {
 }
 
 Listed<TeamRow> Teams::List(int64_t before, int64_t limit) const {
-  Listed<TeamRow> listed =
-      kTeams.List(db_, "WHERE t.id < ? ORDER BY t.id DESC LIMIT ?", before, limit);
-  AddPeople(db_, listed.rows);
-  return listed;
+  return kTeams.List(db_, "WHERE t.id < ? ORDER BY t.id DESC LIMIT ?", before, limit);
 }
 
 absl::StatusOr<TeamRow> Teams::Find(const std::string& name) const {
   ASSIGN_OR_RETURN(const TeamInForce found, FindTeam(db_, name));
-  ASSIGN_OR_RETURN(std::vector<TeamRow> teams, kTeams.All(db_, "WHERE t.id = ?", found.id));
-  AddPeople(db_, teams);
-  return std::move(teams.front());
+  return kTeams.First(db_, NoSuch("team", found.id), "WHERE t.id = ?", found.id);
 }
 
 Listed<MemberRow> Teams::Members(const std::string& team) const {

@@ -38,6 +38,9 @@ class TeamsTest : public StoreTest {
     SQLite::Statement insert(db, "INSERT INTO team (name, created_at) VALUES (?, 1)");
     insert.bind(1, name);
     insert.exec();
+    SQLite::Statement named(db, "INSERT INTO team_name VALUES (?, last_insert_rowid())");
+    named.bind(1, name);
+    named.exec();
     db.exec("DELETE FROM team_skeleton");
     db.exec("DELETE FROM meta WHERE key = 'team_skeletons'");
   }
@@ -153,6 +156,7 @@ TEST_F(TeamsTest, ThousandsOfTeamsAreLookedUpByAnIndex) {
     return absl::OkStatus();
   }).ok());
   EXPECT_EQ(Count("team"), 10'000);
+  Read([](const Transaction& reader) { EXPECT_EQ(reader.teams.List().rows.size(), 10'000u); });
   EXPECT_EQ(ErrorCodeOf(Try("TEAM 1OOOOO2")), "look_alike");
   SQLite::Database db(path_);
   SQLite::Statement plan(db, "EXPLAIN QUERY PLAN SELECT t.name FROM team_skeleton AS l JOIN team AS t "
