@@ -86,10 +86,11 @@ absl::StatusOr<Json> BuildReceipt(const Transaction& reader, RecordLog& record,
                      "; it has a receipt once it is done or failed"));
   }
   const std::string& hash = evaluation.config;
-  ASSIGN_OR_RETURN(const std::string config, reader.content.ConfigJson(hash));
-  ASSIGN_OR_RETURN(const TrackConfig track, StoredConfig(reader, hash));
+  ASSIGN_OR_RETURN(const std::string config, reader.content.Text(kConfigs, hash));
+  ASSIGN_OR_RETURN(const TrackPtr stored, StoredTrack(reader, hash));
+  const TrackConfig& track = stored->config;
   ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader.episodes.Of(evaluation.id));
-  const scoring::ScoredTrack& scored = *scoring::FindScoredTrack(track.kind->name);
+  const scoring::ScoredTrack& scored = *stored->scoring.track;
   ASSIGN_OR_RETURN(scoring::Aggregate aggregate, AggregateRows(scored, rows));
   RETURN_IF_ERROR(CheckResults(reader, evaluation, rows, track.seed_salt));
   Json episodes = Json::array();

@@ -82,11 +82,11 @@ absl::StatusOr<SeedsPtr> StoredContent::Seeds(const Transaction& reader, const s
   if (seeds_.size() > kSeedListsKept) {
     std::erase_if(seeds_, [](const auto& entry) { return entry.second.expired(); });
   }
-  ASSIGN_OR_RETURN(std::string text, reader.content.SeedsJson(hash));
+  ASSIGN_OR_RETURN(std::string text, reader.content.Text(kSeedLists, hash));
   absl::StatusOr<nlohmann::json> json = ParseJson(text, "its content");
-  if (!json.ok()) return Unreadable("seed_list", hash, json.status());
+  if (!json.ok()) return Unreadable(kSeedLists, hash, json.status());
   absl::StatusOr<std::vector<uint64_t>> parsed = ParseSeeds(*json, "its content");
-  if (!parsed.ok()) return Unreadable("seed_list", hash, parsed.status());
+  if (!parsed.ok()) return Unreadable(kSeedLists, hash, parsed.status());
   const auto seeds = std::make_shared<const std::vector<uint64_t>>(*std::move(parsed));
   seeds_[hash] = seeds;
   return seeds;
@@ -165,10 +165,10 @@ absl::Status CheckReadable(const Transaction& reader) {
   for (const std::string& hash : reader.content.Hashes("artefact")) {
     RETURN_IF_ERROR(reader.content.Artefact(hash).status());
   }
-  for (const std::string& hash : reader.content.Hashes("config")) {
+  for (const std::string& hash : reader.content.Hashes(kConfigs)) {
     RETURN_IF_ERROR(content.Track(reader, hash).status());
   }
-  for (const std::string& hash : reader.content.Hashes("seed_list")) {
+  for (const std::string& hash : reader.content.Hashes(kSeedLists)) {
     RETURN_IF_ERROR(content.Seeds(reader, hash).status());
   }
   RETURN_IF_ERROR(CheckTeams(reader));
@@ -196,16 +196,16 @@ absl::Status CheckReadable(const Transaction& reader) {
 absl::StatusOr<nlohmann::json> ReadStanding(const Transaction& reader, int64_t evaluation) {
   ASSIGN_OR_RETURN(EvaluationRow row, reader.evaluations.Find(evaluation));
   RETURN_IF_ERROR(FindSubmission(reader, row).status());
-  ASSIGN_OR_RETURN(TrackConfig config, StoredConfig(reader, row.config));
+  ASSIGN_OR_RETURN(const TrackPtr stored, StoredTrack(reader, row.config));
   ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, reader.episodes.Of(evaluation));
   if (std::ssize(rows) != row.last - row.first + 1) {
     return DamagedRow({"evaluation", absl::StrCat(evaluation),
                        absl::StrCat("it is done, and has ", rows.size(), " of its ",
                                     row.last - row.first + 1, " episodes")});
   }
-  const scoring::ScoredTrack& track = *scoring::FindScoredTrack(config.kind->name);
+  const scoring::ScoredTrack& track = *stored->scoring.track;
   ASSIGN_OR_RETURN(const scoring::Aggregate aggregate, AggregateRows(track, rows));
-  RETURN_IF_ERROR(CheckResults(reader, row, rows, config.seed_salt));
+  RETURN_IF_ERROR(CheckResults(reader, row, rows, stored->config.seed_salt));
   return AggregateToJson(track, aggregate);
 }
 

@@ -43,6 +43,15 @@ absl::StatusOr<std::optional<size_t>> PlaceOf(const BoardEntry& baseline,
                                    // above it
 }
 
+Json SourceToJson(const StandingRow& row) {
+  return {{"team", row.team},
+          {"submission", row.submission},
+          {"evaluation", row.evaluation},
+          {"rejudge", IdOrNull(row.rejudge)},
+          {"name", row.artefact_name},
+          {"aggregate", row.aggregate}};
+}
+
 }  // namespace
 
 absl::StatusOr<Leaderboard> MakeLeaderboard(const std::vector<StandingRow>& standings,
@@ -85,16 +94,11 @@ absl::StatusOr<Leaderboard> MakeLeaderboard(const std::vector<StandingRow>& stan
 }
 
 Json RowToJson(const LeaderboardRow& row) {
-  return {{"rank", IdOrNull(row.ranked.rank)},
-          {"rank_by_rules", IdOrNull(row.ranked.rank)},
-          {"baseline", row.ranked.rank == 0},
-          {"team", row.source.team},
-          {"submission", row.source.submission},
-          {"evaluation", row.source.evaluation},
-          {"rejudge", IdOrNull(row.source.rejudge)},
-          {"name", row.source.artefact_name},
-          {"qualified", row.qualified},
-          {"aggregate", row.source.aggregate}};
+  Json json = SourceToJson(row.source);
+  json["rank"] = json["rank_by_rules"] = IdOrNull(row.ranked.rank);
+  json["baseline"] = row.ranked.rank == 0;
+  json["qualified"] = row.qualified;
+  return json;
 }
 
 Json BoardToJson(const Leaderboard& board) {
@@ -102,14 +106,8 @@ Json BoardToJson(const Leaderboard& board) {
   for (const LeaderboardRow& row : board.rows) rows.push_back(RowToJson(row));
   Json disqualified = Json::array();
   for (const DisqualifiedRow& row : board.disqualified) {
-    disqualified.push_back({{"team", row.source.team},
-                            {"submission", row.source.submission},
-                            {"evaluation", row.source.evaluation},
-                            {"rejudge", IdOrNull(row.source.rejudge)},
-                            {"name", row.source.artefact_name},
-                            {"reason", row.mark.why},
-                            {"at", TimeText(row.mark.at)},
-                            {"aggregate", row.source.aggregate}});
+    disqualified.push_back(SourceToJson(row.source));
+    disqualified.back().update({{"reason", row.mark.why}, {"at", TimeText(row.mark.at)}});
   }
   return {{"rows", std::move(rows)}, {"disqualified", std::move(disqualified)}};
 }

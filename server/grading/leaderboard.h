@@ -2,7 +2,6 @@
 // change counter tells whether a cached board is stale.
 #pragma once
 
-#include <cstdint>
 #include <string>
 #include <vector>
 

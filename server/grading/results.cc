@@ -1,7 +1,6 @@
 #include "server/grading/results.h"
 
 #include <algorithm>
-#include <map>
 
 #include <absl/strings/str_cat.h>
 
@@ -135,17 +134,16 @@ nlohmann::json ReceiptEntry(const EpisodeRow& row, const std::string& seed_salt)
 }
 
 void AddStartUp(const std::vector<EpisodeRow>& rows, int64_t first, int64_t last, Json& use) {
-  std::map<std::string, double> rest;
-  for (const char* key : {"policy_cpu_s", "wall_s"}) {
-    if (const std::optional<double> total = Optional(use, key)) rest[key] = *total;
-  }
-  for (const EpisodeRow& row : rows) {
-    if (row.index < first || row.index > last) continue;
-    const Json facts = Json::parse(row.facts_json, nullptr, /*allow_exceptions=*/false);
-    for (auto& [key, left] : rest) left -= Optional(facts, key).value_or(0);
-  }
-  for (const auto& [key, left] : rest) {
-    use[key == "wall_s" ? "startup_wall_s" : "startup_cpu_s"] = std::max(left, 0.0);
+  for (const auto& [key, start_up] : {std::pair("policy_cpu_s", "startup_cpu_s"),
+                                      std::pair("wall_s", "startup_wall_s")}) {
+    std::optional<double> left = Optional(use, key);
+    if (!left.has_value()) continue;
+    for (const EpisodeRow& row : rows) {
+      if (row.index < first || row.index > last) continue;
+      const Json facts = Json::parse(row.facts_json, nullptr, /*allow_exceptions=*/false);
+      *left -= Optional(facts, key).value_or(0);
+    }
+    use[start_up] = std::max(*left, 0.0);
   }
 }
 

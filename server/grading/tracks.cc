@@ -9,13 +9,6 @@
 #include "server/store/store.h"
 
 namespace myograde::server {
-namespace {
-
-absl::Status UnreadableConfig(const std::string& hash, const absl::Status& why) {
-  return DamagedRow({"config", hash, std::string(why.message())});
-}
-
-}  // namespace
 
 absl::StatusOr<TrackPtr> MakeTrack(TrackConfig config) {
   const scoring::ScoredTrack* track = scoring::FindScoredTrack(config.kind->name);
@@ -30,19 +23,15 @@ absl::StatusOr<TrackPtr> MakeTrack(TrackConfig config) {
   return std::make_shared<const Track>(Track{std::move(config), std::move(scoring)});
 }
 
-absl::StatusOr<TrackConfig> StoredConfig(const Transaction& reader, const std::string& hash) {
-  ASSIGN_OR_RETURN(std::string text, reader.content.ConfigJson(hash));
-  absl::StatusOr<nlohmann::json> json = ParseJson(text, "its content");
-  if (!json.ok()) return UnreadableConfig(hash, json.status());
-  absl::StatusOr<TrackConfig> config = ParseTrackConfig(*json, "its content");
-  if (!config.ok()) return UnreadableConfig(hash, config.status());
-  return config;
-}
-
 absl::StatusOr<TrackPtr> StoredTrack(const Transaction& reader, const std::string& hash) {
-  ASSIGN_OR_RETURN(TrackConfig config, StoredConfig(reader, hash));
-  absl::StatusOr<TrackPtr> track = MakeTrack(std::move(config));
-  if (!track.ok()) return UnreadableConfig(hash, track.status());
+  ASSIGN_OR_RETURN(const std::string text, reader.content.Text(kConfigs, hash));
+  const auto read = [&]() -> absl::StatusOr<TrackPtr> {
+    ASSIGN_OR_RETURN(const nlohmann::json json, ParseJson(text, "its content"));
+    ASSIGN_OR_RETURN(TrackConfig config, ParseTrackConfig(json, "its content"));
+    return MakeTrack(std::move(config));
+  };
+  absl::StatusOr<TrackPtr> track = read();
+  if (!track.ok()) return DamagedRow({kConfigs, hash, std::string(track.status().message())});
   return track;
 }
 

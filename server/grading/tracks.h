@@ -24,10 +24,7 @@ using TrackPtr = std::shared_ptr<const Track>;
 // Errors name the config, the key and its range.
 absl::StatusOr<TrackPtr> MakeTrack(TrackConfig config);
 
-// The config that an accepted submission was made under, in whatever format it was stored.
-absl::StatusOr<TrackConfig> StoredConfig(const Transaction& reader, const std::string& hash);
-
-// The same as a track. A config that scoring rejects is a damaged row too.
+// One that the store has, in whatever format it was stored.
 absl::StatusOr<TrackPtr> StoredTrack(const Transaction& reader, const std::string& hash);
 
 }  // namespace myograde::server

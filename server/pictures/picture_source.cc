@@ -162,18 +162,18 @@ absl::StatusOr<std::string> LogPath(const std::string& data_dir, const std::stri
                              "without, was never kept or was removed");
 }
 
-// The config that an evaluation was played under.
-absl::StatusOr<TrackConfig> ConfigOfEvaluation(const Transaction& reader, int64_t id) {
+// What an evaluation was played under.
+absl::StatusOr<TrackPtr> TrackOfEvaluation(const Transaction& reader, int64_t id) {
   ASSIGN_OR_RETURN(const EvaluationRow evaluation, reader.evaluations.Find(id));
-  return StoredConfig(reader, evaluation.config);
+  return StoredTrack(reader, evaluation.config);
 }
 
 // The episode of a log, with what it can't be played without.
 absl::StatusOr<PicturedEpisode> EpisodeOf(const Transaction& reader, const std::string& data_dir,
                                           const std::string& log) {
   ASSIGN_OR_RETURN(const EpisodeRow found, reader.episodes.OfLog(log));
-  ASSIGN_OR_RETURN(TrackConfig config, ConfigOfEvaluation(reader, found.evaluation));
-  PicturedEpisode shown = {std::move(config), {}, {}};
+  ASSIGN_OR_RETURN(const TrackPtr track, TrackOfEvaluation(reader, found.evaluation));
+  PicturedEpisode shown = {track->config, {}, {}};
   if (CarriesOver(shown.track)) {
     ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader.episodes.Of(found.evaluation));
     for (const EpisodeRow& row : rows) {
@@ -191,8 +191,7 @@ absl::StatusOr<PicturedEpisode> EpisodeOf(const Transaction& reader, const std::
 
 // Best, median and worst.
 absl::StatusOr<std::vector<PictureKey>> PicturesOf(const Transaction& reader, int64_t evaluation) {
-  ASSIGN_OR_RETURN(const TrackConfig config, ConfigOfEvaluation(reader, evaluation));
-  ASSIGN_OR_RETURN(const TrackPtr track, MakeTrack(config));
+  ASSIGN_OR_RETURN(const TrackPtr track, TrackOfEvaluation(reader, evaluation));
   ASSIGN_OR_RETURN(const std::vector<EpisodeRow> rows, reader.episodes.Of(evaluation));
   const scoring::TrackScoring& scoring = track->scoring;
   ASSIGN_OR_RETURN(const auto judged, JudgedEpisodes(*scoring.track, rows));
