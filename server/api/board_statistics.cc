@@ -97,7 +97,7 @@ absl::StatusOr<TestedRow> ReadRow(const Transaction& reader, const Track& track,
 
 absl::StatusOr<std::vector<uint64_t>> SeedsOfRejudge(const Transaction& reader,
                                                      const RejudgeRow& rejudge) {
-  ASSIGN_OR_RETURN(const std::string text, reader.content.SeedsJson(rejudge.seeds));
+  ASSIGN_OR_RETURN(const std::string text, reader.content.Text(kSeedLists, rejudge.seeds));
   const nlohmann::json json = nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
   return ParseSeeds(json, absl::StrCat("the seeds of rejudge ", rejudge.id));
 }
@@ -110,10 +110,15 @@ absl::StatusOr<FurtherItems> ListFurtherItems(const Transaction& reader,
     const bool dropped = rejudge.last() == RejudgeEvent::kDropped;
     ASSIGN_OR_RETURN(const std::vector<uint64_t> seeds, SeedsOfRejudge(reader, rejudge));
     ASSIGN_OR_RETURN(const std::vector<EvaluationRow> items, reader.evaluations.OfRejudge(id));
+    std::set<int64_t> to_come = rejudge.submissions;
     for (const EvaluationRow& item : items) {
+      to_come.erase(item.submission);
       const bool has_none =
           item.state == EvaluationState::kCancelled || item.state == EvaluationState::kGraderError;
       if (!has_none) all[item.submission].push_back({item.id, item.state, seeds, dropped});
+    }
+    for (const int64_t submission : to_come) {
+      if (!dropped) all[submission].push_back({.seeds = seeds});
     }
   }
   return all;

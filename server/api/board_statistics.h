@@ -31,7 +31,7 @@ scoring::StatisticsConfig FindStatisticsConfig(const ApiContext& context, const 
 
 // An evaluation of further episodes that is played, or will be.
 struct FurtherItem {
-  int64_t evaluation = 0;
+  int64_t evaluation = 0;                            // 0: it is still to be added
   EvaluationState state = EvaluationState::kQueued;  // neither cancelled nor grader_error
   std::vector<uint64_t> seeds;                       // by index of its episodes
   bool dropped = false;                              // counts no more, but somebody may have looked

@@ -117,7 +117,6 @@ NewRejudge RejudgeBetween(const TrackConfig& from, const TrackConfig& to) {
   rejudge.to_config_json = CanonicalJson(to.effective);
   rejudge.seeds_json = CanonicalJson(Json(to.seeds));
   rejudge.seeds = Sha256Hex(rejudge.seeds_json);
-  rejudge.seed_count = std::ssize(to.seeds);
   return rejudge;
 }
 

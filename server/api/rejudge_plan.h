@@ -3,7 +3,6 @@
 #pragma once
 
 #include <optional>
-#include <string>
 
 #include <absl/status/statusor.h>
 #include <nlohmann/json.hpp>

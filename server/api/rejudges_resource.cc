@@ -1,12 +1,10 @@
 #include "server/api/resources.h"
 
-#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <string>
 #include <tuple>
 #include <utility>
-#include <vector>
 
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
@@ -26,7 +24,7 @@
 namespace myograde::server {
 
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RejudgePlan, submissions, facts, play, without_files)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(DifferentEpisode, index, repetition, differs)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RepeatRow, index, repetition, differs)
 
 namespace {
 
@@ -156,8 +154,8 @@ absl::StatusOr<Json> WholeRejudgeToJson(const Transaction& reader, const Rejudge
   json["without_result"] = WithoutResultToJson(reader, progress);
   json["events"] = Json::array();
   for (const RejudgeEventRow& event : rejudge.events) json["events"].push_back(EventToJson(event));
-  ASSIGN_OR_RETURN(const std::string from, reader.content.ConfigJson(rejudge.from_config));
-  ASSIGN_OR_RETURN(const std::string to, reader.content.ConfigJson(rejudge.to_config));
+  ASSIGN_OR_RETURN(const std::string from, reader.content.Text(kConfigs, rejudge.from_config));
+  ASSIGN_OR_RETURN(const std::string to, reader.content.Text(kConfigs, rejudge.to_config));
   json["differs"] = DifferingKeys(Json::parse(from), Json::parse(to));
   return json;
 }

@@ -37,8 +37,8 @@ absl::StatusOr<std::vector<uint64_t>> PlayedFurtherSeeds(const Transaction& read
   for (const auto& [id, rejudge] : reader.Board().rejudges()) {
     if (rejudge.purpose != RejudgePurpose::kSeeds || rejudge.board.phase != phase) continue;
     ASSIGN_OR_RETURN(const std::vector<uint64_t> seeds, SeedsOfRejudge(reader, rejudge));
-    ASSIGN_OR_RETURN(const TrackConfig config, StoredConfig(reader, rejudge.from_config));
-    own = config.seeds.size();
+    ASSIGN_OR_RETURN(const TrackPtr from, StoredTrack(reader, rejudge.from_config));
+    own = from->config.seeds.size();
     played.insert(seeds.begin(), seeds.end());
   }
   if (played.empty()) return std::vector<uint64_t>();
@@ -301,7 +301,7 @@ ApiResult PlayMoreSeeds(const ApiContext& context, const Request& request, const
         context.engine.CreateRejudge(rejudge, sign, CallerKey(), context.config.http.request));
     NoteAct(absl::StrCat("rejudge ", plan.rejudge), "created for further episodes");
     created.push_back({{"rejudge", plan.rejudge},
-                       {"episodes", rejudge.seed_count},
+                       {"episodes", Json::parse(rejudge.seeds_json).size()},
                        {"seeds_sha256", rejudge.seeds},
                        {"submissions", rejudge.submissions},
                        {"without_files", plan.without_files}});

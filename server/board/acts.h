@@ -33,6 +33,7 @@
 
 #include <cstdint>
 #include <map>
+#include <set>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -183,6 +184,7 @@ struct RejudgeRow {
   std::string seeds;  // of to_config
   RejudgeMethod method = RejudgeMethod::kAuto;
   int64_t repeats = 1;  // evaluations of each submission
+  std::set<int64_t> submissions;  // of purpose kSeeds: those that get results; otherwise empty
   std::string who;
   std::string why;
   std::vector<RejudgeEventRow> events;  // oldest first

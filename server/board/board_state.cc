@@ -48,6 +48,7 @@ void ReadDocument(const Json& document, RejudgeRow& rejudge) {
   rejudge.method =
       ParseEnum<RejudgeMethod>(TextAt(document, "method")).value_or(RejudgeMethod::kAuto);
   rejudge.repeats = NumberAt(document, "repeats");
+  rejudge.submissions = document.value("submissions", std::set<int64_t>());
   rejudge.who = TextAt(document, "who");
   rejudge.why = TextAt(document, "reason");
 }
@@ -237,14 +238,11 @@ int64_t BoardState::TeamInForce(int64_t team) const {
   return team;
 }
 
-const TeamState* BoardState::Team(int64_t team) const {
-  const auto found = teams_.find(TeamInForce(team));
-  return found == teams_.end() ? nullptr : &found->second;
-}
-
 const TeamState* BoardState::TeamOf(int64_t submission) const {
   const auto found = submissions_.find(submission);
-  return found == submissions_.end() ? nullptr : Team(found->second.team);
+  if (found == submissions_.end()) return nullptr;
+  const auto team = teams_.find(TeamInForce(found->second.team));
+  return team == teams_.end() ? nullptr : &team->second;
 }
 
 std::vector<TeamEventRow> BoardState::TeamEvents(int64_t team) const {

@@ -150,8 +150,7 @@ class BoardState {
 
   // --- teams, marks, phases, rejudges ---
 
-  // The team that another one, or a submission, stands for now; nullptr: there is none.
-  const TeamState* Team(int64_t team) const;
+  // The team that a submission stands for now; nullptr: there is none.
   const TeamState* TeamOf(int64_t submission) const;
   // Of a team and of those that were merged into it, oldest first.
   std::vector<TeamEventRow> TeamEvents(int64_t team) const;

@@ -204,10 +204,10 @@ void EngineCore::Escalate() {
   }
 }
 
-void EngineCore::TellLater(const std::string& event, const std::string& about_json) {
-  AddToJournal(0, [event, about_json](Transaction& writer) {
+void EngineCore::TellLater(const std::string& event, const nlohmann::json& about) {
+  AddToJournal(0, [event, about](Transaction& writer) {
     const absl::Status told =
-        writer.Part([&](Transaction& part) { return part.deliveries.Tell(event, about_json); });
+        writer.Part([&](Transaction& part) { return part.deliveries.Tell(event, about); });
     if (!told.ok()) spdlog::error("{} could not be notified: {}", event, std::string(told.message()));
     return absl::OkStatus();
   });

@@ -287,7 +287,7 @@ class EngineCore {
     journal_size_ = std::ssize(journal_);
   }
   // Queues an event for webhooks; a failure is only logged, as nothing depends on it.
-  void TellLater(const std::string& event, const std::string& about_json);
+  void TellLater(const std::string& event, const nlohmann::json& about);
   absl::Status RequireWritable();
   void WatchStore();
   void WriteRequests();

@@ -6,7 +6,6 @@
 #include <absl/strings/str_cat.h>
 #include <spdlog/spdlog.h>
 
-#include "protocol/base/config_reader.h"
 #include "server/base/ip_address.h"
 #include "server/engine/engine_core.h"
 #include "server/metrics/disk_space.h"
@@ -111,7 +110,7 @@ void EngineCore::EndSelfTest(const std::string& fault) {
   if (stopping_) return;
   metrics().CountSelfTest(fault.empty());
   // The fault itself names files of this host, so it is only logged.
-  const std::string about = CanonicalJson({{"host", HostName()}});
+  const nlohmann::json about = {{"host", HostName()}};
   if (paused) TellLater(kSelfTestFailedEvent, about);
   if (paused != was_paused) TellLater(paused ? kHostPausedEvent : kHostResumedEvent, about);
 }

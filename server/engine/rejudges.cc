@@ -11,7 +11,6 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/lease.h"
-#include "server/base/json_value.h"
 #include "server/grading/results.h"
 #include "server/proof/grader_build.h"
 
@@ -23,13 +22,16 @@ using Json = nlohmann::json;
 constexpr char kScoring[] = "scoring";
 
 // Whether two effective configs give the same facts: they differ in "scoring" at most.
-bool HaveSameFacts(const std::string& from_json, const std::string& to_json) {
-  Json from = ParsedText(from_json);
-  Json to = ParsedText(to_json);
+bool HaveSameFacts(Json from, Json to) {
   if (!from.is_object() || !to.is_object()) return false;
   from.erase(kScoring);
   to.erase(kScoring);
   return from == to;
+}
+
+// The same of a rejudge's two.
+bool HasSameFacts(const NewRejudge& rejudge) {
+  return HaveSameFacts(ParsedText(rejudge.from_config_json), ParsedText(rejudge.to_config_json));
 }
 
 absl::Status CheckNewRejudge(const NewRejudge& rejudge) {
@@ -49,7 +51,7 @@ absl::Status CheckNewRejudge(const NewRejudge& rejudge) {
     return absl::InvalidArgumentError(
         "repeats and further episodes have to be played; stored facts are not enough");
   }
-  if (facts && !HaveSameFacts(rejudge.from_config_json, rejudge.to_config_json)) {
+  if (facts && !HasSameFacts(rejudge)) {
     return absl::InvalidArgumentError(
         "stored facts are not enough: the configs differ in more than \"scoring\"; leave the "
         "method at \"auto\", or choose \"play\"");
@@ -81,12 +83,6 @@ constexpr absl::Duration kWrite = absl::Seconds(30);
 // About as many rows are written together: a few ms, for which the engine's loop stands still.
 constexpr int64_t kRowsAtOnce = 256;
 
-absl::Status CantBeJudged(const EpisodeRow& row, const absl::Status& why) {
-  return absl::InternalError(absl::StrCat("the facts of episode ", row.index, " of evaluation ",
-                                          row.evaluation, " can't be judged: ",
-                                          std::string(why.message())));
-}
-
 // Computes an item from the facts of its source: pure but for reading. InternalError if the facts
 // can't be judged; a damaged row (store/damage.h).
 absl::Status JudgeAnew(const Transaction& reader, const Track& track,
@@ -98,13 +94,16 @@ absl::Status JudgeAnew(const Transaction& reader, const Track& track,
                                             "new config has seeds"));
   }
   ASSIGN_OR_RETURN(std::vector<EpisodeRow> rows, WholeEpisodes(reader, source, seeds));
-  ASSIGN_OR_RETURN(const TrackConfig before, StoredConfig(reader, source.config));
-  RETURN_IF_ERROR(CheckResults(reader, source, rows, before.seed_salt));
+  ASSIGN_OR_RETURN(const TrackPtr before, StoredTrack(reader, source.config));
+  RETURN_IF_ERROR(CheckResults(reader, source, rows, before->config.seed_salt));
   for (EpisodeRow& row : rows) {
-    const absl::StatusOr<EpisodeFacts> facts = EpisodeFactsFromJson(ParsedText(row.facts_json));
-    if (!facts.ok()) return CantBeJudged(row, facts.status());
-    absl::StatusOr<EpisodeRow> judged = JudgedRow(track, *facts);
-    if (!judged.ok()) return CantBeJudged(row, judged.status());
+    const auto facts = EpisodeFactsFromJson(ParsedText(row.facts_json));
+    auto judged = facts.ok() ? JudgedRow(track, *facts) : facts.status();
+    if (!judged.ok()) {
+      return absl::InternalError(absl::StrCat("the facts of episode ", row.index, " of evaluation ",
+                                              row.evaluation, " can't be judged: ",
+                                              std::string(judged.status().message())));
+    }
     row.outcome = judged->outcome;
     row.reason = judged->reason;
     row.metrics_json = std::move(judged->metrics_json);
@@ -152,25 +151,18 @@ absl::StatusOr<NewRejudgeItem> ItemOf(const Transaction& reader, const RejudgeRo
 absl::StatusOr<RejudgePlan> PlanRejudge(const Transaction& reader, const NewRejudge& rejudge,
                                         const std::string& data_dir) {
   RETURN_IF_ERROR(CheckNewRejudge(rejudge));
-  const auto candidates = reader.rejudges.MissingItems(rejudge, rejudge.submissions);
+  const auto candidates = reader.rejudges.MissingItems(rejudge);
   RETURN_IF_ERROR(CheckListed(rejudge, candidates));
-  const bool same_facts = rejudge.purpose == RejudgePurpose::kRules &&
-                          HaveSameFacts(rejudge.from_config_json, rejudge.to_config_json);
+  const bool same_facts = rejudge.purpose == RejudgePurpose::kRules && HasSameFacts(rejudge);
   const Json today = ParsedText(rejudge.grader_json);
-  ASSIGN_OR_RETURN(const Json to, ParseJson(rejudge.to_config_json, "the new config"));
-  ASSIGN_OR_RETURN(const TrackConfig config, ParseTrackConfig(to, "the new config"));
   RejudgePlan plan;
   for (const EvaluationRow& candidate : candidates) {
-    ASSIGN_OR_RETURN(NewRejudgeItem item,
+    ASSIGN_OR_RETURN(const NewRejudgeItem item,
                      ItemOf(reader, rejudge, candidate, same_facts, today, data_dir));
     ++(item.method == RejudgeMethod::kFacts ? plan.facts : plan.play);
-    if (candidate.repetition == 1) {
-      ++plan.submissions;
-      if (IsFinal(item.result.state)) plan.without_files.push_back(candidate.submission);
-    }
-    if (rejudge.purpose != RejudgePurpose::kSeeds) continue;
-    item.blocks = SplitIntoBlocks(rejudge.seed_count, config.episodes_per_lease);
-    plan.items.push_back(std::move(item));
+    if (candidate.repetition != 1) continue;
+    ++plan.submissions;
+    if (IsFinal(item.result.state)) plan.without_files.push_back(candidate.submission);
   }
   return plan;
 }
@@ -223,9 +215,8 @@ absl::StatusOr<Rejudger::Work> Rejudger::FindWork(const Transaction& reader, Rej
   if (work.missing.empty()) return work;
   ASSIGN_OR_RETURN(work.track, content_.Track(reader, work.rejudge.to_config));
   ASSIGN_OR_RETURN(work.seeds, content_.Seeds(reader, work.rejudge.seeds));
-  ASSIGN_OR_RETURN(const std::string from, reader.content.ConfigJson(work.rejudge.from_config));
-  ASSIGN_OR_RETURN(const std::string to, reader.content.ConfigJson(work.rejudge.to_config));
-  work.same_facts = HaveSameFacts(from, to);
+  ASSIGN_OR_RETURN(const TrackPtr from, content_.Track(reader, work.rejudge.from_config));
+  work.same_facts = HaveSameFacts(from->config.effective, work.track->config.effective);
   return work;
 }
 

@@ -25,8 +25,6 @@ struct RejudgePlan {
   // Submissions that have to be played and can't be, most as their files are no longer on this host,
   // sorted: they will be without a result.
   std::vector<int64_t> without_files;
-  // Of purpose kSeeds, to be added with it: complete but for its id.
-  std::vector<NewRejudgeItem> items;
 };
 
 // What it would do now. The artefacts' files are those in `data_dir`. InvalidArgumentError, in one

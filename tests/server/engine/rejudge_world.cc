@@ -174,10 +174,9 @@ NewSubmission SubmissionOf(const TrackConfig& config, const std::string& team,
   submission.config_json = CanonicalJson(config.effective);
   submission.seeds_json = CanonicalJson(Json(config.seeds));
   submission.seeds = Sha256Hex(submission.seeds_json);
-  submission.seed_count = std::ssize(config.seeds);
   submission.ranked = true;
   submission.grader_json = CanonicalJson(grader);
-  submission.blocks = SplitIntoBlocks(submission.seed_count, config.episodes_per_lease);
+  submission.blocks = SplitIntoBlocks(std::ssize(config.seeds), config.episodes_per_lease);
   return submission;
 }
 
@@ -254,7 +253,6 @@ NewRejudge RejudgeWorld::To(const TrackPtr& track) const {
   rejudge.to_config_json = to.config_json;
   rejudge.seeds = to.seeds;
   rejudge.seeds_json = to.seeds_json;
-  rejudge.seed_count = to.seed_count;
   rejudge.grader_json = CanonicalJson(today_);
   rejudge.why = "the rules change";
   return rejudge;

@@ -260,7 +260,7 @@ TEST_F(RejudgesTest, TellsWhichPoliciesAreNotRepeatable) {
     const auto found = *reader.rejudges.ListUnrepeatable(id);
     EXPECT_FALSE(found.contains(steady));
     ASSERT_TRUE(found.contains(unsteady));
-    const std::vector<DifferentEpisode>& episodes = found.at(unsteady);
+    const std::vector<RepeatRow>& episodes = found.at(unsteady);
     ASSERT_EQ(episodes.size(), 6u) << "three episodes of two repetitions";
     EXPECT_EQ(episodes[0].repetition, 2);
     EXPECT_THAT(episodes[0].differs, ElementsAre("digest"));
