@@ -254,13 +254,12 @@ NewSubmission Admission::Compose(const SubmitRequest& request, const Entry& entr
   submission.config_json = CanonicalJson(config.effective);
   submission.seeds_json = CanonicalJson(nlohmann::json(seeds));
   submission.seeds = Sha256Hex(submission.seeds_json);
-  submission.seed_count = static_cast<int64_t>(seeds.size());
   submission.ranked = entry.ranks && seeds == config.seeds;
   submission.phase = config.phase;
   submission.grader_json =
       CanonicalJson(WithRuntimes(GraderBuild(options_.cache_dir, {artefact.adapter}),
                                  RuntimeDigests(runtimes_, artefact.runtimes)));
-  submission.blocks = SplitIntoBlocks(submission.seed_count, config.episodes_per_lease);
+  submission.blocks = SplitIntoBlocks(std::ssize(seeds), config.episodes_per_lease);
   return submission;
 }
 

@@ -104,9 +104,6 @@ absl::Status StatusOf(const std::string& path, const SQLite::Exception& error) {
       return absl::PermissionDeniedError(absl::StrCat(
           path, ": can't be opened or written; check the rights of the file and its folder, and "
           "that its disk is not mounted read-only", cause));
-    case SQLITE_FULL:
-      return absl::ResourceExhaustedError(
-          absl::StrCat(path, ": the disk is full; make room", cause));
     case SQLITE_CORRUPT:
     case SQLITE_NOTADB:
       return CorruptStore(
@@ -124,15 +121,15 @@ absl::Status StatusOf(const std::string& path, const SQLite::Exception& error) {
         return CorruptStore(absl::StrCat(
             path, ": its write-ahead log was cut off; restore the store from a backup", cause));
       }
-      // Its files beside the database can't grow.
-      if (IsFull(path)) {
-        return absl::ResourceExhaustedError(
-            absl::StrCat(path, ": the disk is full; make room", cause));
-      }
+      if (!IsFull(path)) break;  // else its files beside the database can't grow
       [[fallthrough]];
+    case SQLITE_FULL:
+      return absl::ResourceExhaustedError(
+          absl::StrCat(path, ": the disk is full; make room", cause));
     default:
-      return absl::UnavailableError(absl::StrCat(path, ": reading or writing failed", cause));
+      break;
   }
+  return absl::UnavailableError(absl::StrCat(path, ": reading or writing failed", cause));
 }
 
 absl::Status GuardSqlite(const std::string& path, const std::function<absl::Status()>& body) {

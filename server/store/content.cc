@@ -30,26 +30,6 @@ constexpr char kEpisodesOf[] =
     "FROM episode AS p LEFT JOIN evaluation AS e ON e.id = p.evaluation "
     "LEFT JOIN submission AS s ON s.id = e.submission ";
 
-// Content is addressed by its hash, so a mismatch means that it is not what was stored.
-absl::StatusOr<std::string> StoredText(SQLite::Database& db, const char* table, const char* column,
-                                       const std::string& hash) {
-  Statement select(db, absl::StrCat("SELECT ", column, " FROM ", table, " WHERE hash = ?"), hash);
-  if (!select.executeStep()) {
-    return DamagedRow({table, hash, "it is missing, and other rows name it"});
-  }
-  std::string text = select.getColumn(0);
-  if (Sha256Hex(text) != hash) return DamagedRow({table, hash, "its content has another hash"});
-  return text;
-}
-
-// Of a config or a seed list that was added: a damaged row if another text is there under its hash.
-absl::Status CheckText(SQLite::Database& db, const char* table, const char* column,
-                       const std::string& hash, const std::string& text) {
-  const std::string same = absl::StrCat("SELECT 1 FROM ", table, " WHERE hash = ? AND ", column, " = ?");
-  if (AnyRow(db, same, hash, text)) return absl::OkStatus();
-  return DamagedRow({table, hash, "its content has another hash"});
-}
-
 }  // namespace
 
 absl::Status UnknownArtefact(const std::string& hash) {
@@ -105,22 +85,11 @@ absl::Status Content::AddUpload(const ArtefactRow& artefact, const NewUpload& up
 }
 
 absl::StatusOr<ArtefactRow> Content::Artefact(const std::string& hash) const {
-  struct Stored {
-    std::string hash;
-    std::string manifest;
-    int64_t bytes = 0;
-    int64_t files = 0;
-  };
-  constexpr StoredRows<Stored, 4> kArtefacts = {
-      "artefact", "SELECT hash, manifest_json, bytes, files FROM artefact "};
-  ASSIGN_OR_RETURN(const Stored stored,
-                   kArtefacts.First(db_, UnknownArtefact(hash), "WHERE hash = ?", hash));
-  absl::StatusOr<PolicyManifest> manifest =
-      ManifestFromJson(nlohmann::json::parse(stored.manifest), "its \"manifest_json\"");
-  if (!manifest.ok()) {
-    return DamagedRow({"artefact", hash, std::string(manifest.status().message())});
-  }
-  return ArtefactRow{*std::move(manifest), stored.hash, stored.bytes, stored.files};
+  constexpr StoredRows<ArtefactRow, 4> kArtefacts = {
+      .table = "artefact",
+      .select = "SELECT hash, manifest_json, hash, bytes, files FROM artefact ",
+      .first = 1};
+  return kArtefacts.First(db_, UnknownArtefact(hash), "WHERE hash = ?", hash);
 }
 
 std::vector<ArtefactUse> Content::ArtefactUses() const {
@@ -223,24 +192,23 @@ std::map<std::string, std::set<std::string>> Episodes::TeamsOfLog(const std::str
   return teams;
 }
 
-absl::StatusOr<std::string> Content::ConfigJson(const std::string& hash) const {
-  return StoredText(db_, "config", "effective_json", hash);
+absl::StatusOr<std::string> Content::Text(const char* table, const std::string& hash) const {
+  Statement select(db_, absl::StrCat("SELECT content_json FROM ", table, " WHERE hash = ?"), hash);
+  if (!select.executeStep()) {
+    return DamagedRow({table, hash, "it is missing, and other rows name it"});
+  }
+  std::string text = select.getColumn(0);
+  if (Sha256Hex(text) != hash) return DamagedRow({table, hash, "its content has another hash"});
+  return text;
 }
 
-absl::StatusOr<std::string> Content::SeedsJson(const std::string& hash) const {
-  return StoredText(db_, "seed_list", "seeds_json", hash);
-}
-
-absl::Status Content::AddConfig(const std::string& hash, const std::string& track,
-                                const std::string& profile, const std::string& json) {
-  Run(db_, "INSERT INTO config VALUES (?, ?, ?, ?, ?) ON CONFLICT DO NOTHING", hash, track, profile,
-      json, now_ms_);
-  return CheckText(db_, "config", "effective_json", hash, json);
-}
-
-absl::Status Content::AddSeedList(const std::string& hash, int64_t count, const std::string& json) {
-  Run(db_, "INSERT INTO seed_list VALUES (?, ?, ?) ON CONFLICT DO NOTHING", hash, count, json);
-  return CheckText(db_, "seed_list", "seeds_json", hash, json);
+absl::Status Content::AddText(const char* table, const std::string& hash, const std::string& json) {
+  Run(db_, absl::StrCat("INSERT INTO ", table, " VALUES (?, ?) ON CONFLICT DO NOTHING"), hash, json);
+  if (AnyRow(db_, absl::StrCat("SELECT 1 FROM ", table, " WHERE hash = ? AND content_json = ?"),
+             hash, json)) {
+    return absl::OkStatus();
+  }
+  return DamagedRow({table, hash, "its content has another hash"});
 }
 
 }  // namespace myograde::server

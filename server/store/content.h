@@ -18,6 +18,10 @@ namespace myograde::server {
 inline constexpr char kUploadKind[] = "upload";
 inline constexpr char kPracticeLogKind[] = "practice log";
 
+// Tables of texts that are found by their hash and never changed.
+inline constexpr char kConfigs[] = "config";
+inline constexpr char kSeedLists[] = "seed_list";
+
 // NotFoundError: the store has no artefact of this hash, as far as whoever asks is to know.
 absl::Status UnknownArtefact(const std::string& hash);
 
@@ -30,10 +34,9 @@ class Content : StorePart {
   bool UploadedArtefact(const std::string& hash, const std::string& who) const;
   // Somebody uploaded it for the team, or the team submitted it.
   bool TeamHoldsArtefact(const std::string& hash, const std::string& team) const;
-  // The effective config, and the seeds, as canonical JSON with the given hash.
-  absl::StatusOr<std::string> ConfigJson(const std::string& hash) const;
-  absl::StatusOr<std::string> SeedsJson(const std::string& hash) const;
-  // The keys of a table that is keyed by hash: "artefact", "config", "seed_list".
+  // An effective config or the seeds (kConfigs, kSeedLists), as canonical JSON with the given hash.
+  absl::StatusOr<std::string> Text(const char* table, const std::string& hash) const;
+  // The keys of a table that is keyed by hash: "artefact", kConfigs, kSeedLists.
   std::vector<std::string> Hashes(const std::string& table) const;
   std::vector<ArtefactUse> ArtefactUses() const;
   // Uploads that nobody has submitted, oldest first.
@@ -49,11 +52,9 @@ class Content : StorePart {
   // row, if they are needed. Of kPracticeLogKind, those of a practice that has not ended are not.
   absl::StatusOr<bool> Remove(const std::string& kind, const std::string& name, int64_t bytes,
                               const std::string& why);
-  // Content rows, each found by the SHA-256 of its text and never changed. Each is added unless it
-  // is there. A damaged row (damage.h) if what is there under this hash is not this text.
-  absl::Status AddConfig(const std::string& hash, const std::string& track,
-                         const std::string& profile, const std::string& json);
-  absl::Status AddSeedList(const std::string& hash, int64_t count, const std::string& json);
+  // Adds it unless it is there. A damaged row (damage.h) if what is there under this hash, the
+  // SHA-256 of its text, is not this text.
+  absl::Status AddText(const char* table, const std::string& hash, const std::string& json);
 };
 
 }  // namespace myograde::server

@@ -23,12 +23,12 @@ constexpr StoredRows<DeliveryRow, 9> kDeliveries = {
 
 }  // namespace
 
-absl::Status Deliveries::Tell(const std::string& event, const std::string& about_json) {
+absl::Status Deliveries::Tell(const std::string& event, const Json& about) {
   if (context_.webhooks == nullptr) return absl::OkStatus();
   for (const WebhookConfig& hook : *context_.webhooks) {
     if (!hook.events.contains(event)) continue;
     ASSIGN_OR_RETURN(const std::string id, RandomBytes(kEventIdBytes));
-    Json body = Json::parse(about_json);
+    Json body = about;
     body["id"] = absl::BytesToHexString(id);
     body["event"] = event;
     body["at"] = TimeText(now_ms_);
@@ -59,7 +59,7 @@ void Deliveries::TellEnd(int64_t evaluation, EvaluationState state) {
     }
     const bool done = state == EvaluationState::kDone;
     return Tell(done ? kFinishedEvent : absl::StrCat("submission.", std::string(EnumName(state))),
-                CanonicalJson(about));
+                about);
   });
 }
 

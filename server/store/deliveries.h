@@ -47,8 +47,8 @@ class Deliveries : StorePart {
   // Of each webhook with rows, by name.
   std::vector<DeliveryCounts> Counts() const;
   // Adds what is to be told of an event, for each webhook that wants it.
-  // `about_json`: an object; "id", "event" and "at" are added to it.
-  absl::Status Tell(const std::string& event, const std::string& about_json);
+  // `about`: an object; "id", "event" and "at" are added to it.
+  absl::Status Tell(const std::string& event, const nlohmann::json& about);
   // How its latest attempt ended: state, attempts, due_at and detail.
   absl::Status Set(const DeliveryRow& delivery);
   // Gives up what waits for webhooks other than these; returns how many.

@@ -1,6 +1,5 @@
 #include "server/store/episodes.h"
 
-#include <algorithm>
 #include <utility>
 
 #include <absl/strings/str_cat.h>

@@ -198,10 +198,6 @@ absl::Status Evaluations::EndUnreadable(int64_t evaluation, const std::string& w
     });
   };
   for (const int64_t block : AllValues<int64_t>(db_, kOpenBlocks, evaluation)) {
-    const absl::Status ended = Part([&] {
-      return Blocks(context_).End(block, BlockState::kCancelled, /*fault=*/false, who, why);
-    });
-    if (ended.ok()) continue;
     (void)part([&] { MendTypes(db_, "block", block); });
     (void)Part([&] {
       Run(db_, R"(UPDATE block SET state = 'cancelled', slot = NULL, owner = NULL,

@@ -15,7 +15,6 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr int64_t kEntriesAtATime = 10'000;
 constexpr StoredRows<RecordRow, 3> kEntries = {
     .table = "record",
     .select = "SELECT entry, entry_json, chain FROM journal ",
@@ -49,11 +48,7 @@ std::string ChainMistake(const std::string& before, const RecordRow* entry) {
 }  // namespace
 
 std::string ExtendChain(std::string_view before, std::string_view entry_json) {
-  Sha256 hash;
-  hash.Update(before);
-  hash.Update("\n");
-  hash.Update(entry_json);
-  return hash.FinishHex();
+  return Sha256Hex(absl::StrCat(std::string(before), "\n", std::string(entry_json)));
 }
 
 void AppendAct(SQLite::Database& db, int64_t now_ms, const NewAct& act) {
@@ -108,10 +103,8 @@ absl::StatusOr<bool> Journal::Mark(int64_t submission, const std::string& mark, 
   const std::vector<MarkRow>& history = Board().MarkHistory(submission);
   const auto last = std::find_if(history.rbegin(), history.rend(),
                                  [&](const MarkRow& row) { return row.mark == mark; });
-  const bool there = last != history.rend();
-  const bool is_set = there && last->set;
-  const bool same_reason = !there || why.empty() || last->why == why;
-  if (is_set == set && (!set || same_reason)) return false;
+  const bool is_set = last != history.rend() && last->set;
+  if (is_set == set && (!set || why.empty() || last->why == why)) return false;
   nlohmann::json content = {{"submission", submission}, {"mark", mark}, {"set", set}};
   // Boards tell why somebody was disqualified, and nothing of the others.
   if (mark == kDisqualified) content["reason"] = why;
@@ -147,8 +140,7 @@ absl::StatusOr<bool> Journal::SetBoardConfig(const NewBoardConfig& change, const
   const std::vector<BoardConfigRow>& rows = Board().ConfigsOf(board);
   if (change.rejudge == 0 && !rows.empty() && rows.back().config == change.config) return false;
   if (!change.config_json.empty()) {
-    RETURN_IF_ERROR(Content(context_).AddConfig(change.config, board.track, board.profile,
-                                                change.config_json));
+    RETURN_IF_ERROR(Content(context_).AddText(kConfigs, change.config, change.config_json));
   }
   if (!AnyRow(db_, "SELECT 1 FROM config WHERE hash = ?", change.config)) {
     return absl::FailedPreconditionError(
@@ -188,20 +180,21 @@ void Journal::ForEachEntry(
     int64_t from, std::string chain,
     const std::function<bool(const RecordRow* entry, std::optional<Damage> damage)>& on_entry)
     const {
-  const int64_t size = RecordSize();
-  while (from < size) {
-    const int64_t end = std::min(size, from + kEntriesAtATime);
-    const std::vector<RecordRow> rows = Record(from, end - from).rows;
-    for (auto row = rows.begin(); from < end; ++from) {
-      const bool there = row != rows.end() && row->index == from;
-      const RecordRow* entry = there ? &*row++ : nullptr;
-      std::optional<Damage> damage;
-      if (const std::string wrong = ChainMistake(chain, entry); !wrong.empty()) {
-        damage = {"record", absl::StrCat(from), wrong};
-      }
-      if (!on_entry(entry, std::move(damage))) return;
-      chain = there ? entry->chain : "";
+  Statement rows(db_, absl::StrCat(kEntries.select, "WHERE entry >= ? ORDER BY entry"), from);
+  bool more = rows.executeStep();
+  for (const int64_t size = RecordSize(); from < size; ++from) {
+    absl::StatusOr<RecordRow> row = absl::NotFoundError("");
+    if (more && rows.getColumn(0).getInt64() == from) {
+      row = kEntries.Read(rows);
+      more = rows.executeStep();
     }
+    const RecordRow* entry = row.ok() ? &*row : nullptr;
+    std::optional<Damage> damage;
+    if (const std::string wrong = ChainMistake(chain, entry); !wrong.empty()) {
+      damage = {"record", absl::StrCat(from), wrong};
+    }
+    if (!on_entry(entry, std::move(damage))) return;
+    chain = row.ok() ? row->chain : "";
   }
 }
 

@@ -2,7 +2,6 @@
 #include <absl/strings/str_cat.h>
 #include <nlohmann/json.hpp>
 
-#include "protocol/base/config_reader.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/error_code.h"
@@ -32,6 +31,13 @@ absl::StatusOr<std::optional<SecretRow>> FindSecret(SQLite::Database& db,
                                                            kPhaseSecretBytes, " bytes")});
   }
   return std::optional(std::move(found));
+}
+
+void AddSecret(SQLite::Database& db, int64_t now_ms, const std::string& phase,
+               const std::string& challenge, const std::string& secret) {
+  Run(db, R"(INSERT INTO phase_secret (phase, secret, created_at, challenge)
+      VALUES (?, CAST(? AS BLOB), ?, ?))",
+      phase, secret, now_ms, challenge);
 }
 
 absl::Status RevealedError(const std::string& phase) {
@@ -99,7 +105,7 @@ absl::StatusOr<bool> PhaseActs::AddEvent(const std::string& phase, const std::st
   if (!pauses) return true;
   RETURN_IF_ERROR(
       Deliveries(context_).Tell(event == kPausedEvent ? kPauseEvent : kResumeEvent,
-                                CanonicalJson({{"phase", TextOrNull(phase)}, {"reason", why}})));
+                                {{"phase", TextOrNull(phase)}, {"reason", why}}));
   return true;
 }
 
@@ -129,7 +135,7 @@ absl::StatusOr<std::string> PhaseActs::EnsureSecret(const std::string& phase,
     return (*std::move(there)).secret;
   }
   ASSIGN_OR_RETURN(std::string secret, RandomBytes(kPhaseSecretBytes));
-  AddSecret(phase, challenge, secret);
+  AddSecret(db_, now_ms_, phase, challenge, secret);
   // The commitment is that of server/proof/seed_list.h: over the secret's hexadecimal digits.
   nlohmann::json content = {{"phase", phase},
                             {"commitment", Sha256Hex(absl::BytesToHexString(secret))}};
@@ -140,13 +146,6 @@ absl::StatusOr<std::string> PhaseActs::EnsureSecret(const std::string& phase,
   }
   Append({.kind = kCommitmentAct, .who = "daemon", .content = std::move(content)});
   return secret;
-}
-
-void PhaseActs::AddSecret(const std::string& phase, const std::string& challenge,
-                          const std::string& secret) {
-  Run(db_, R"(INSERT INTO phase_secret (phase, secret, created_at, challenge)
-      VALUES (?, CAST(? AS BLOB), ?, ?))",
-      phase, secret, now_ms_, challenge);
 }
 
 absl::StatusOr<bool> PhaseActs::ImportSecret(const std::string& phase, const std::string& secret) {
@@ -170,7 +169,7 @@ absl::StatusOr<bool> PhaseActs::ImportSecret(const std::string& phase, const std
     return absl::FailedPreconditionError(absl::StrCat(
         "phase \"", phase, "\" has another secret here, and a secret is never changed"));
   }
-  AddSecret(phase, "", secret);
+  AddSecret(db_, now_ms_, phase, "", secret);
   return true;
 }
 

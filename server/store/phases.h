@@ -41,9 +41,6 @@ class PhaseActs : StorePart {
   absl::StatusOr<bool> ImportSecret(const std::string& phase, const std::string& secret);
   // FailedPreconditionError with the code "paused" or "phase_revealed".
   absl::Status CheckTakesSubmissions(const std::string& phase);
-
- private:
-  void AddSecret(const std::string& phase, const std::string& challenge, const std::string& secret);
 };
 
 }  // namespace myograde::server

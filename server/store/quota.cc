@@ -18,12 +18,8 @@ constexpr int64_t kDayMs = 24 * 60 * 60 * 1000;
 
 // "1 ranked evaluation".
 std::string CountedUnits(int64_t count, Budget budget) {
-  switch (budget) {
-    case Budget::kRanked: return Counted(count, "ranked evaluation");
-    case Budget::kPractice: return Counted(count, "practice evaluation");
-    case Budget::kFailed: break;
-  }
-  return Counted(count, "failed try", "failed tries");
+  if (budget == Budget::kFailed) return Counted(count, "failed try", "failed tries");
+  return Counted(count, budget == Budget::kRanked ? "ranked evaluation" : "practice evaluation");
 }
 
 absl::Status Refuse(const std::string& sentence) { return CodedRefusal("quota", sentence); }

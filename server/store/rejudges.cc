@@ -84,12 +84,6 @@ nlohmann::json ResultsOf(const std::vector<EvaluationRow>& evaluations) {
   return results;
 }
 
-// The config in force on its board; a board without submissions has still the one that it began with.
-std::string ConfigInForce(const BoardState& board, const RejudgeRow& rejudge) {
-  const std::string config = board.ConfigAt(rejudge.board);
-  return config.empty() ? rejudge.from_config : config;
-}
-
 }  // namespace
 
 absl::StatusOr<RejudgeRow> Rejudges::Find(int64_t id) const {
@@ -105,6 +99,11 @@ absl::StatusOr<RejudgeProgress> Rejudges::CountProgress(const RejudgeRow& rejudg
     submissions.insert(item.submission);
     ++progress.items;
     ++(item.method == RejudgeMethod::kFacts ? progress.facts : progress.play);
+    const int64_t episodes = item.last - item.first + 1;
+    progress.episodes += episodes;
+    progress.episodes_done += item.state == EvaluationState::kDone
+                                  ? episodes
+                                  : Episodes(context_).Counts(item.id).done;
     progress.ended += IsFinal(item.state);
     progress.cancelled += item.state == EvaluationState::kCancelled;
     const bool has_result = item.state != EvaluationState::kGraderError &&
@@ -116,12 +115,6 @@ absl::StatusOr<RejudgeProgress> Rejudges::CountProgress(const RejudgeRow& rejudg
     ++progress.missing;
   }
   progress.submissions = std::ssize(submissions);
-  std::tie(progress.episodes, progress.episodes_done) =
-      FirstRow<int64_t, int64_t>(db_, R"(SELECT ifnull(sum(e.last - e.first + 1),
-      0), ifnull(sum(CASE WHEN e.state = 'done' THEN e.last - e.first + 1 ELSE
-      (SELECT count(*) FROM episode WHERE evaluation = e.id) END), 0)
-      FROM evaluation AS e WHERE e.rejudge = ?)",
-                                 rejudge.id);
   const bool dropped = rejudge.last() == RejudgeEvent::kDropped;
   progress.complete = progress.missing == 0 && progress.ended == progress.items &&
                       !(dropped && progress.cancelled > 0);
@@ -132,9 +125,7 @@ absl::StatusOr<RejudgeProgress> Rejudges::CountProgress(const RejudgeRow& rejudg
   return progress;
 }
 
-std::vector<EvaluationRow> Rejudges::MissingItems(const RejudgeRow& rejudge,
-                                                  const std::set<int64_t>& listed) const {
-  if (rejudge.purpose == RejudgePurpose::kSeeds && listed.empty()) return {};
+std::vector<EvaluationRow> Rejudges::MissingItems(const RejudgeRow& rejudge) const {
   // Where the config stays, what was accepted after it was applied has its result under it.
   int64_t latest = INT64_MAX;
   for (const RejudgeEventRow& event : rejudge.events) {
@@ -153,7 +144,8 @@ std::vector<EvaluationRow> Rejudges::MissingItems(const RejudgeRow& rejudge,
     for (const auto& [submission, result] : in_force) {
       const AcceptedSubmission& accepted = Board().submissions().at(submission);
       if (accepted.board != rejudge.board || accepted.at > latest) continue;
-      if (rejudge.purpose == RejudgePurpose::kSeeds && !listed.contains(submission)) continue;
+      const bool all = rejudge.purpose == RejudgePurpose::kRules;
+      if (!all && !rejudge.submissions.contains(submission)) continue;
       if (there.contains({submission, repetition})) continue;
       missing.push_back({.submission = submission,
                          .kind = EvaluationKind::kRejudge,
@@ -167,16 +159,16 @@ std::vector<EvaluationRow> Rejudges::MissingItems(const RejudgeRow& rejudge,
   return missing;
 }
 
-absl::StatusOr<std::map<int64_t, std::vector<DifferentEpisode>>> Rejudges::ListUnrepeatable(
+absl::StatusOr<std::map<int64_t, std::vector<RepeatRow>>> Rejudges::ListUnrepeatable(
     int64_t rejudge) const {
   ASSIGN_OR_RETURN(std::vector<EvaluationRow> items, Evaluations(context_).OfRejudge(rejudge));
-  std::map<int64_t, std::vector<DifferentEpisode>> found;
+  std::map<int64_t, std::vector<RepeatRow>> found;
   const EvaluationRow* first = nullptr;
   std::vector<EpisodeRow> episodes;  // of `first`, once they are needed
   for (const EvaluationRow& item : items) {
     ASSIGN_OR_RETURN(std::vector<RepeatRow> repeats, Episodes(context_).Repeats(item.id));
     for (const RepeatRow& repeat : repeats) {
-      found[item.submission].push_back({repeat.index, item.repetition, repeat.differs});
+      found[item.submission].push_back({repeat.index, repeat.differs, item.repetition});
     }
     if (item.results_hash.empty()) continue;  // it has none, or not yet
     if (first == nullptr || first->submission != item.submission) {
@@ -192,7 +184,7 @@ absl::StatusOr<std::map<int64_t, std::vector<DifferentEpisode>>> Rejudges::ListU
     for (size_t i = 0; i < std::min(episodes.size(), others.size()); ++i) {
       std::vector<std::string> differs = DifferencesBetween(episodes[i], others[i]);
       if (differs.empty()) continue;
-      found[item.submission].push_back({others[i].index, item.repetition, std::move(differs)});
+      found[item.submission].push_back({others[i].index, std::move(differs), item.repetition});
     }
   }
   return found;
@@ -210,6 +202,7 @@ absl::StatusOr<RejudgeEventRow> Rejudges::AddEvent(const RejudgeRow& rejudge, Re
                    {"who", who},
                    {"reason", why},
                    {"seeds", rejudge.seeds}});
+  if (!rejudge.submissions.empty()) document["submissions"] = rejudge.submissions;
   if (applied) {
     ASSIGN_OR_RETURN(const std::vector<EvaluationRow> evaluations,
                      Evaluations(context_).OfRejudge(rejudge.id));
@@ -238,11 +231,9 @@ absl::StatusOr<RejudgeEventRow> Rejudges::AddEvent(const RejudgeRow& rejudge, Re
 absl::StatusOr<RejudgeRow> Rejudges::Add(const NewRejudge& rejudge, const SignDocument& sign,
                                          const std::string& who) {
   Content content(context_);
-  const auto& [phase, track, profile] = rejudge.board;
-  RETURN_IF_ERROR(
-      content.AddConfig(rejudge.from_config, track, profile, rejudge.from_config_json));
-  RETURN_IF_ERROR(content.AddConfig(rejudge.to_config, track, profile, rejudge.to_config_json));
-  RETURN_IF_ERROR(content.AddSeedList(rejudge.seeds, rejudge.seed_count, rejudge.seeds_json));
+  RETURN_IF_ERROR(content.AddText(kConfigs, rejudge.from_config, rejudge.from_config_json));
+  RETURN_IF_ERROR(content.AddText(kConfigs, rejudge.to_config, rejudge.to_config_json));
+  RETURN_IF_ERROR(content.AddText(kSeedLists, rejudge.seeds, rejudge.seeds_json));
   const auto& earlier = Board().rejudges();
   RejudgeRow row = static_cast<const RejudgeRow&>(rejudge);
   row.id = earlier.empty() ? 1 : earlier.rbegin()->first + 1;
@@ -321,7 +312,9 @@ absl::StatusOr<RejudgeDone> Rejudges::End(bool apply, const RejudgeAct& act,
                                           const SignDocument& sign, const std::string& who) {
   ASSIGN_OR_RETURN(const RejudgeRow rejudge, Find(act.rejudge));
   RejudgeDone done;
-  done.config_before = ConfigInForce(Board(), rejudge);
+  done.config_before = Board().ConfigAt(rejudge.board);
+  // A board without submissions has still the one that it began with.
+  if (done.config_before.empty()) done.config_before = rejudge.from_config;
   done.config_after = apply ? rejudge.to_config : done.config_before;
   if (apply) {
     ASSIGN_OR_RETURN(const RejudgeProgress progress, CountProgress(rejudge));

@@ -50,11 +50,8 @@ struct NewRejudge : RejudgeRow {
   std::string from_config_json;  // effective, canonical
   std::string to_config_json;
   std::string seeds_json;  // array of numbers, canonical
-  int64_t seed_count = 0;
   // The build that plays its items; "": this host's, as the engine finds it.
   std::string grader_json = "";
-  // Purpose kSeeds: exactly these get items, all in the change that creates it. Otherwise empty.
-  std::set<int64_t> submissions = {};
 };
 
 // Signs the document of an act: 128 hexadecimal digits. Called inside the change, whose id and time
@@ -92,12 +89,6 @@ struct RejudgeDone {
   int64_t stay = 0;
 };
 
-struct DifferentEpisode {
-  int64_t index = 0;
-  int64_t repetition = 0;  // that differs from the first one, or from itself if played twice
-  std::vector<std::string> differs;  // as of RepeatRow
-};
-
 // What organisers ask for, and the evaluations that follow.
 class Rejudges : StorePart {
  public:
@@ -106,12 +97,10 @@ class Rejudges : StorePart {
   absl::StatusOr<RejudgeRow> Find(int64_t id) const;
   absl::StatusOr<RejudgeProgress> CountProgress(const RejudgeRow& rejudge) const;
   // The items that it lacks, first repetitions first, without what depends on how they are made. Of
-  // one that is still to be created, all; of purpose kSeeds only those of `listed`.
-  std::vector<EvaluationRow> MissingItems(const RejudgeRow& rejudge,
-                                          const std::set<int64_t>& listed = {}) const;
+  // one that is still to be created, all.
+  std::vector<EvaluationRow> MissingItems(const RejudgeRow& rejudge) const;
   // By submission, every episode that repetitions which have ended as done or failed differ in.
-  absl::StatusOr<std::map<int64_t, std::vector<DifferentEpisode>>> ListUnrepeatable(
-      int64_t rejudge) const;
+  absl::StatusOr<std::map<int64_t, std::vector<RepeatRow>>> ListUnrepeatable(int64_t rejudge) const;
   // Adds one with its event 'created'.
   absl::StatusOr<RejudgeRow> Add(const NewRejudge& rejudge, const SignDocument& sign,
                                  const std::string& who);

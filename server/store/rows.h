@@ -141,9 +141,11 @@ struct EpisodeRow {
   std::string details_json = {};
 };
 
+// An episode that was played again and came out otherwise.
 struct RepeatRow {
   int64_t index = 0;
-  std::vector<std::string> differs;
+  std::vector<std::string> differs;  // as of DifferencesBetween
+  int64_t repetition = 0;            // of a rejudge, that differs from its first, or from itself
 };
 
 struct EpisodeCounts {

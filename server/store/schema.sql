@@ -12,7 +12,7 @@
 --                    submit an artefact that it holds or submitted before, and nobody else may
 -- Teams, and who calls:
 --   team             may have been merged into another one, and may be banned
---   former_name      names that a team had before, so that they still find it
+--   team_name        the names that a team has or had, so that each finds it
 --   team_skeleton        what a team's name looks like (server/base/names.h): names that share a look can be
 --                    taken for one another. Made again when the rule for it changes
 --   member           who belongs to a team; the newest row of a team and a person is in force
@@ -111,17 +111,13 @@ CREATE TABLE artefact (
 ) STRICT;
 
 CREATE TABLE config (
-  hash           TEXT PRIMARY KEY CHECK (length(hash) = 64),
-  track          TEXT NOT NULL,
-  profile        TEXT NOT NULL,
-  effective_json TEXT NOT NULL,
-  created_at     INTEGER NOT NULL
+  hash         TEXT PRIMARY KEY CHECK (length(hash) = 64),
+  content_json TEXT NOT NULL
 ) STRICT;
 
 CREATE TABLE seed_list (
-  hash       TEXT PRIMARY KEY CHECK (length(hash) = 64),
-  count      INTEGER NOT NULL CHECK (count > 0),
-  seeds_json TEXT NOT NULL
+  hash         TEXT PRIMARY KEY CHECK (length(hash) = 64),
+  content_json TEXT NOT NULL
 ) STRICT;
 
 CREATE TABLE upload (
@@ -157,7 +153,7 @@ CREATE TABLE team (
   banned      INTEGER NOT NULL DEFAULT 0 CHECK (banned IN (0, 1))
 ) STRICT;
 
-CREATE TABLE former_name (
+CREATE TABLE team_name (
   name    TEXT PRIMARY KEY CHECK (length(name) > 0),
   team_id INTEGER NOT NULL REFERENCES team (id)
 ) STRICT;
@@ -216,6 +212,8 @@ CREATE TABLE request_key (
   PRIMARY KEY (who, key)
 ) STRICT, WITHOUT ROWID;
 
+CREATE INDEX team_by_merge ON team (merged_into) WHERE merged_into NOT NULL;
+CREATE INDEX team_name_by_team ON team_name (team_id);
 CREATE INDEX team_skeleton_by_team ON team_skeleton (team);
 CREATE INDEX member_by_team ON member (team_id, person, id);
 CREATE INDEX member_by_person ON member (person, team_id, id);

@@ -69,6 +69,13 @@ StoredColumn::operator std::vector<std::string>() const {
   return json;
 }
 
+StoredColumn::operator PolicyManifest() const {
+  absl::StatusOr<PolicyManifest> manifest = ManifestFromJson(
+      Json::parse(Text(), nullptr, false), absl::StrCat("its \"", value_.getName(), "\""));
+  if (!manifest.ok()) throw BadColumn{std::string(manifest.status().message())};
+  return *std::move(manifest);
+}
+
 StoredColumn::operator Outcome() const { return Named(ParseOutcome); }
 StoredColumn::operator FailureReason() const { return Named(ParseFailureReason); }
 

@@ -23,6 +23,7 @@
 #include <absl/strings/str_cat.h>
 
 #include "protocol/base/outcome.h"
+#include "protocol/lease/policy_image.h"
 #include "server/base/enum_names.h"
 #include "server/store/damage.h"
 
@@ -111,6 +112,7 @@ class StoredColumn {
   operator bool() const;
   operator std::string() const;  // UTF-8; the text of a JSON object where the column is a *_json
   operator std::vector<std::string>() const;  // stored as JSON
+  operator PolicyManifest() const;            // the same
   operator Outcome() const;
   operator FailureReason() const;
   template <typename Value>

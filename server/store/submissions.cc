@@ -29,6 +29,28 @@ std::string SameAs(SQLite::Database& db, const NewSubmission& submission) {
   return absl::StrCat("the same artefact as submission ", id, " of team \"", team, "\"");
 }
 
+// The ranked evaluation that rules out another one; nullopt: none.
+absl::StatusOr<std::optional<Accepted>> FindOfficial(SQLite::Database& db,
+                                                     const NewSubmission& submission, int64_t team,
+                                                     const AdmissionRules& rules) {
+  const auto [id, evaluation] = FirstRow<int64_t, int64_t>(
+      db, absl::StrCat(kOfficial, "AND s.team_id IN ", RowsOfTeam(3), " ORDER BY s.id LIMIT 1"),
+      submission.artefact, submission.config, team);
+  if (id != 0) {
+    return std::optional(Accepted{.submission = id, .evaluation = evaluation, .linked = true});
+  }
+  if (!rules.one_for_everyone) return std::optional<Accepted>();
+  const bool taken =
+      AnyRow(db, absl::StrCat(kOfficial, "LIMIT 1"), submission.artefact, submission.config);
+  if (!taken) return std::optional<Accepted>();
+  return CodedRefusal(
+      "same_artefact",
+      absl::StrCat("another team has submitted exactly this artefact for track \"",
+                   submission.track, "\", profile \"", submission.profile,
+                   "\", and an artefact has one ranked evaluation there; submit a policy of your "
+                   "own, or practise with fewer episodes"));
+}
+
 // Evaluations of an artefact in a row that end by the grader's fault until it is held back. Only
 // those by the same build and runtimes count, so an upgrade lets it in again.
 constexpr int64_t kFaultsToHold = 3;
@@ -127,8 +149,7 @@ absl::Status Submissions::CheckReruns(int64_t submission, const std::string& who
                                       const RerunLimits& limits) {
   if (!organiser) {
     ASSIGN_OR_RETURN(const std::string name, TeamOf(submission));
-    ASSIGN_OR_RETURN(const TeamInForce team, Teams(context_).Named(name));
-    RETURN_IF_ERROR(Teams(context_).CheckNotBanned(team));
+    RETURN_IF_ERROR(Teams(context_).Check(name));
     const auto [artefact, grader_json] =
         FirstRow<std::string, std::string>(db_, R"(SELECT s.artefact, e.grader_json
         FROM submission AS s JOIN evaluation AS e ON e.submission = s.id WHERE s.id = ?
@@ -156,27 +177,6 @@ absl::Status Submissions::CheckReruns(int64_t submission, const std::string& who
   return check(all, organiser ? limits.of_organisers : limits.unfinished, "reruns");
 }
 
-absl::StatusOr<std::optional<Accepted>> Submissions::FindOfficial(const NewSubmission& submission,
-                                                                  int64_t team,
-                                                                  const AdmissionRules& rules) {
-  const auto [id, evaluation] = FirstRow<int64_t, int64_t>(
-      db_, absl::StrCat(kOfficial, "AND s.team_id IN ", RowsOfTeam(3), " ORDER BY s.id LIMIT 1"),
-      submission.artefact, submission.config, team);
-  if (id != 0) {
-    return std::optional(Accepted{.submission = id, .evaluation = evaluation, .linked = true});
-  }
-  if (!rules.one_for_everyone) return std::optional<Accepted>();
-  const bool taken =
-      AnyRow(db_, absl::StrCat(kOfficial, "LIMIT 1"), submission.artefact, submission.config);
-  if (!taken) return std::optional<Accepted>();
-  return CodedRefusal(
-      "same_artefact",
-      absl::StrCat("another team has submitted exactly this artefact for track \"",
-                   submission.track, "\", profile \"", submission.profile,
-                   "\", and an artefact has one ranked evaluation there; submit a policy of your "
-                   "own, or practise with fewer episodes"));
-}
-
 absl::StatusOr<Accepted> Submissions::Accept(const NewSubmission& asked,
                                              const AdmissionRules& rules, const std::string& who) {
   if (!AnyRow(db_, "SELECT 1 FROM artefact WHERE hash = ?", asked.artefact)) {
@@ -188,7 +188,7 @@ absl::StatusOr<Accepted> Submissions::Accept(const NewSubmission& asked,
   RETURN_IF_ERROR(Teams(context_).CheckNotBanned(team));
   submission.team = team.name;
   if (submission.ranked) {
-    ASSIGN_OR_RETURN(std::optional<Accepted> first, FindOfficial(submission, team.id, rules));
+    ASSIGN_OR_RETURN(std::optional<Accepted> first, FindOfficial(db_, submission, team.id, rules));
     if (first.has_value()) return *first;
   }
   // A submission that was accepted before is found above, however late its answer is asked for.
@@ -201,10 +201,9 @@ absl::StatusOr<Accepted> Submissions::Accept(const NewSubmission& asked,
   RETURN_IF_ERROR(
       CheckQuota(use, rules.quota, budget, submission.team, submission.track, submission.phase));
   const int64_t team_id = Teams(context_).Ensure(team, who);
-  RETURN_IF_ERROR(Content(context_).AddConfig(submission.config, submission.track,
-                                              submission.profile, submission.config_json));
-  RETURN_IF_ERROR(Content(context_).AddSeedList(submission.seeds, submission.seed_count,
-                                                submission.seeds_json));
+  RETURN_IF_ERROR(
+      Content(context_).AddText(kConfigs, submission.config, submission.config_json));
+  RETURN_IF_ERROR(Content(context_).AddText(kSeedLists, submission.seeds, submission.seeds_json));
   Run(db_, R"(INSERT INTO submission (team_id, artefact,
       track, profile, config, seeds, ranked, accepted_by, accepted_at, day, phase,
       extra_observations) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?))",

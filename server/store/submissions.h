@@ -56,7 +56,6 @@ struct Founding {
 struct NewSubmission : SubmissionRow {
   std::string config_json;  // the effective track config, canonical; `config` is its hash
   std::string seeds_json;   // array of numbers, canonical; `seeds` is its hash
-  int64_t seed_count = 0;
   std::string grader_json;
   EpisodeBlocks blocks;
   RequestKey request_key = {};
@@ -131,11 +130,6 @@ class Submissions : StorePart {
   // "quota" if too many have not ended, "banned" if its team is, or kHeldBackCode.
   absl::Status CheckReruns(int64_t submission, const std::string& who, bool organiser,
                            const RerunLimits& limits);
-
- private:
-  // The ranked evaluation that rules out another one; nullopt: none.
-  absl::StatusOr<std::optional<Accepted>> FindOfficial(const NewSubmission& submission,
-                                                       int64_t team, const AdmissionRules& rules);
 };
 
 }  // namespace myograde::server

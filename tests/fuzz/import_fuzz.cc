@@ -53,7 +53,6 @@ absl::Status Fill(Transaction& writer) {
   submission.config_json = submission.grader_json = "{}";
   submission.seeds = std::string(64, 'd');
   submission.seeds_json = "[1,2]";
-  submission.seed_count = 2;
   submission.ranked = true;
   submission.blocks = {{0, 1}};
   const AdmissionRules rules = {
@@ -152,8 +151,8 @@ void ReadAll(SQLite::Database& db) {
     }
     (void)reader.quotas.Ledger(submission.team, submission.track, INT64_MAX, 100);
     (void)reader.quotas.CountQuotaUse(submission.team, submission.track, 1700000000000);
-    (void)reader.content.ConfigJson(submission.config).status();
-    (void)reader.content.SeedsJson(submission.seeds).status();
+    (void)reader.content.Text(kConfigs, submission.config).status();
+    (void)reader.content.Text(kSeedLists, submission.seeds).status();
     (void)reader.Board().InForce(submission.config);
   }
   (void)reader.Board().MarksAt();

@@ -162,7 +162,7 @@ class Manual(SystemTest):
         """Those of the final, as the store has them."""
         with sqlite3.connect(self.work / "cup-data/store.db") as store:
             for (config,) in store.execute(
-                    "SELECT effective_json FROM config WHERE hash IN (SELECT config FROM submission)"):
+                    "SELECT content_json FROM config WHERE hash IN (SELECT config FROM submission)"):
                 if json.loads(config).get("phase") == "final":
                     return json.loads(config)["seeds"]
         return self.fail("the final has no config")

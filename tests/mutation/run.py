@@ -83,9 +83,8 @@ MUTANTS = [
      "CheckQuota(use, rules.quota, budget, submission.team, submission.track, submission.phase)",
      "absl::OkStatus()"),
     ("store_test", "QuotaTest.*", STORE + "submissions.cc",
-     "RETURN_IF_ERROR(Content(context_).AddSeedList(submission.seeds, submission.seed_count,\n"
-     "                                                submission.seeds_json));",
-     "(void)Content(context_).AddSeedList(submission.seeds, submission.seed_count, submission.seeds_json);"),
+     "RETURN_IF_ERROR(Content(context_).AddText(kSeedLists, submission.seeds, submission.seeds_json));",
+     "(void)Content(context_).AddText(kSeedLists, submission.seeds, submission.seeds_json);"),
     ("store_test", "QuotaTest.*", STORE + "quota.cc", "if (use.waiting >= limits.waiting)", "if (false)"),
     ("store_test", "QuotaTest.*", STORE + "quota.cc", "use.waiting >= limits.waiting", "use.waiting > limits.waiting"),
     ("store_test", "QuotaTest.*", STORE + "quota.cc", "sum.left(allowance.total) < 1", "sum.left(allowance.total) < 0"),

@@ -236,7 +236,6 @@ class Daemon {
     for (int64_t i = 0; i < kEpisodes; ++i) seeds.push_back(i);
     submission.seeds_json = CanonicalJson(Json(seeds));
     submission.seeds = Sha256Hex(submission.seeds_json);
-    submission.seed_count = kEpisodes;
     submission.ranked = true;
     submission.grader_json = "{}";
     for (int64_t first = 0; first < kEpisodes; first += options_.lease_episodes) {

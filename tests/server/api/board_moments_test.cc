@@ -89,7 +89,6 @@ class Board {
       submission.config_json = CanonicalJson(config.effective);
       submission.seeds = Sha256Hex("[7]");
       submission.seeds_json = "[7]";
-      submission.seed_count = 1;
       submission.ranked = true;
       submission.grader_json = "{}";
       submission.blocks = {{0, 0}};
@@ -134,7 +133,6 @@ class Board {
     NewRejudge rejudge = RejudgeBetween(live_->config, to->config);
     rejudge.seeds = Sha256Hex("[7]");
     rejudge.seeds_json = "[7]";
-    rejudge.seed_count = 1;
     rejudge.why = "the rules change";
     Write([&](Transaction& writer) {
       return writer.rejudges.Add(rejudge, Sign, "uid 0").status();

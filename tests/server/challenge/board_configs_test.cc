@@ -83,7 +83,6 @@ class BoardConfigsTest : public testing::Test {
       submission.config_json = CanonicalJson(config.effective);
       submission.seeds = Sha256Hex("[1]");
       submission.seeds_json = "[1]";
-      submission.seed_count = 1;
       submission.ranked = true;
       submission.grader_json = "{}";
       submission.blocks = {{0, 0}};
@@ -105,7 +104,6 @@ class BoardConfigsTest : public testing::Test {
     rejudge.to_config_json = CanonicalJson(to->config.effective);
     rejudge.seeds = Sha256Hex("[1]");
     rejudge.seeds_json = "[1]";
-    rejudge.seed_count = 1;
     rejudge.why = "the rules change";
     Write([&](Transaction& writer) -> absl::Status {
       const absl::StatusOr<RejudgeRow> made = writer.rejudges.Add(rejudge, Sign, "uid 0");

@@ -47,7 +47,7 @@ class DamagedStore(OrganiserCase):
         artefact = self.upload("once")
         config = self.result(first)["hashes"]["config"]
         before = [self.count(table) for table in ("submission", "evaluation", "block", "ledger")]
-        self.damage(f"UPDATE config SET effective_json = '{{\"form\":1}}' WHERE hash = '{config}'")
+        self.damage(f"UPDATE config SET content_json = '{{\"form\":1}}' WHERE hash = '{config}'")
 
         for part in ("result", "receipt"):
             self.assertIn(config, self.refused("GET", f"/v1/submissions/{first}/{part}"))

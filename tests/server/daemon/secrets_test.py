@@ -101,7 +101,7 @@ class SecretsCase(OrganiserCase):
         """Everything that nobody may see: seeds, the phase's secret, and what follows from it."""
         with sqlite3.connect(f"file:{self.data}/store.db?mode=ro", uri=True) as store:
             secret = store.execute("SELECT secret FROM phase_secret").fetchone()[0]
-            configs = [json.loads(row[0]) for row in store.execute("SELECT effective_json FROM config")]
+            configs = [json.loads(row[0]) for row in store.execute("SELECT content_json FROM config")]
         store.close()
         config = next(config for config in configs if config.get("phase") == "final")
         seeds = config["seeds"]

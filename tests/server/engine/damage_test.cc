@@ -72,7 +72,7 @@ class DamageTest : public testing::Test {
       for (const SubmissionRow& row : list.rows) {
         for (const absl::Status& read : {reader.evaluations.Original(row.id).status(),
                                          reader.content.Artefact(row.artefact).status(),
-                                         reader.content.ConfigJson(row.config).status()}) {
+                                         reader.content.Text(kConfigs, row.config).status()}) {
           EXPECT_TRUE(read.ok() || ExtractDamage(read)) << read;
         }
         (void)reader.quotas.Ledger(row.team, "", INT64_MAX, 100);
@@ -202,7 +202,7 @@ TEST_F(DamageTest, AnImportRefusesWhatNoRequestCouldRead) {
                    "json_set(manifest_json, '$.image', json('{\"environment\":{},\"gid\":1,"
                    "\"uid\":-1,\"working_dir\":\"/\"}'))"),
         std::tuple(Target{"config", absl::StrCat("hash = '", teams_.victim.config, "'"), ""},
-                   "effective_json", "'{}'"),
+                   "content_json", "'{}'"),
         std::tuple(block, "faults", "999"), std::tuple(episode, "metrics_json", "'{}'"),
         std::tuple(episode, "facts_json", "'{}'"), std::tuple(evaluation, "finished_at", "0"),
         std::tuple(evaluation, "results_hash", "hex(zeroblob(32))")}) {
@@ -218,7 +218,7 @@ TEST_F(DamageTest, AnImportRefusesWhatNoRequestCouldRead) {
 TEST_F(DamageTest, AnEvaluationThatCantBeReadEndsWithTheReasonAndGivesItsQuotaBack) {
   const std::string store = Copy();
   ASSERT_TRUE(Overwrite(store, {"config", absl::StrCat("hash = '", teams_.victim.config, "'"),
-                                "effective_json"}, "'{\"form\": 1}'"));
+                                "content_json"}, "'{\"form\": 1}'"));
   World world(folder_ + "/world", {}, 2, store);
   RunFor(world, absl::Minutes(1));
   EXPECT_EQ(world.broken, "");

@@ -115,10 +115,10 @@ std::vector<Target> TargetsIn(const TwoTeams& teams) {
   std::vector<std::pair<std::string, std::string>> rows = {
       {"meta", "key = 'team_skeletons'"},
       {"team_skeleton",
-       "team = (SELECT id FROM team WHERE name = 'victim') AND look = (SELECT min(look) "
+       "team = (SELECT id FROM team WHERE name = 'victim') AND skeleton = (SELECT min(skeleton) "
        "FROM team_skeleton WHERE team = (SELECT id FROM team WHERE name = 'victim'))"},
       {"team", "name = 'victim'"},
-      {"former_name", "name = 'former'"},
+      {"team_name", "name = 'former'"},
       {"journal", "id = 1"},
       {"journal", "evaluation = " + done},
       {"journal", "kind = 'marked'"},

@@ -293,7 +293,6 @@ int64_t World::Submit(const std::string& team, int episodes) {
   for (int i = 0; i < episodes; ++i) seeds.push_back(10 * i + evaluations.size());
   submission.seeds_json = CanonicalJson(nlohmann::json(seeds));
   submission.seeds = Sha256Hex(submission.seeds_json);
-  submission.seed_count = episodes;
   submission.ranked = episodes % 2 == 0;
   submission.grader_json = "{}";
   for (int first = 0; first < episodes; first += 2) {
@@ -382,7 +381,7 @@ void World::CheckEvaluation(const Transaction& reader, int64_t id) {
   Promise(evaluation.ok(), absl::StrCat("evaluation ", id, " was accepted and is lost"));
   if (!evaluation.ok()) return;
   const SubmissionRow submission = *reader.submissions.Find(evaluation->submission);
-  const auto seeds = nlohmann::json::parse(*reader.content.SeedsJson(submission.seeds))
+  const auto seeds = nlohmann::json::parse(*reader.content.Text(kSeedLists, submission.seeds))
                          .get<std::vector<uint64_t>>();
   const std::vector<EpisodeRow> rows = *reader.episodes.Of(id);
   const std::map<int64_t, std::string> details = *reader.episodes.Details(id);

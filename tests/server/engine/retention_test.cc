@@ -146,7 +146,6 @@ class RetentionFolder : public testing::Test {
     submission.config_json = CanonicalJson(config.effective);
     submission.seeds = Sha256Hex("[1]");
     submission.seeds_json = "[1]";
-    submission.seed_count = 1;
     submission.ranked = true;
     submission.grader_json = "{}";
     submission.blocks = {{0, 0}};

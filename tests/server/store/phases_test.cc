@@ -57,7 +57,6 @@ class PhaseStoreTest : public StoreTest {
       submission.config_json = submission.grader_json = "{}";
       submission.seeds = std::string(64, 'd');
       submission.seeds_json = "[1,2]";
-      submission.seed_count = 2;
       submission.ranked = ranked;
       submission.blocks = {{0, 1}};
       submission.phase = phase;

@@ -261,16 +261,16 @@ TEST_F(QuotaTest, TheOneOfficialEvaluationIsOfOneConfigAndNotOfPractice) {
   ASSERT_FALSE(TrySubmit("alpha", 'a', /*ranked=*/false)->linked);
   const Accepted official = Submit("alpha", 'a');
   EXPECT_FALSE(official.linked);
-  ASSERT_EQ(SqlError("INSERT INTO config SELECT replace(hash, 'c', 'e'), track, profile, "
-                     "effective_json, created_at FROM config; "
+  ASSERT_EQ(SqlError("INSERT INTO config SELECT replace(hash, 'c', 'e'), content_json "
+                     "FROM config; "
                      "UPDATE submission SET config = replace(config, 'c', 'e')"), "");
   EXPECT_FALSE(Submit("alpha", 'a').linked);
 }
 
 TEST_F(QuotaTest, NothingIsAcceptedUnderContentThatIsNotWhatItsHashSays) {
   for (const char* damage :
-       {"DROP TRIGGER config_fixed; UPDATE config SET effective_json = '[]'",
-        "DROP TRIGGER seed_list_fixed; UPDATE seed_list SET seeds_json = '[1,2,3,5]'"}) {
+       {"DROP TRIGGER config_fixed; UPDATE config SET content_json = '[]'",
+        "DROP TRIGGER seed_list_fixed; UPDATE seed_list SET content_json = '[1,2,3,5]'"}) {
     store_.reset();
     std::filesystem::remove(path_);
     Open();

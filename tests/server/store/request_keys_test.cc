@@ -45,7 +45,6 @@ class RequestKeys : public StoreTest {
     submission.config_json = submission.grader_json = "{}";
     submission.seeds = std::string(64, 'd');
     submission.seeds_json = "[1,2]";
-    submission.seed_count = 2;
     submission.blocks = {{0, 1}};
     AdmissionRules rules = kRules;
     rules.quota.waiting = 100'000;

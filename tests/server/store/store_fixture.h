@@ -57,7 +57,6 @@ class StoreTest : public ::testing::Test {
       submission.config_json = submission.grader_json = "{}";
       submission.seeds = std::string(64, 'd');
       submission.seeds_json = "[1,2,3,4]";
-      submission.seed_count = 4;
       submission.ranked = ranked;
       submission.blocks = {{0, 1}, {2, 3}};
       auto result = writer.submissions.Accept(submission, rules, "uid 0");

@@ -260,7 +260,7 @@ TEST_F(StoreTest, TheSchemaRefusesToRewriteThePast) {
       {"UPDATE episode_details SET details_json = '{}'", "never changed"},
       {"DELETE FROM episode_details", "never deleted"},
       {"DELETE FROM episode", "never deleted"},
-      {"UPDATE config SET effective_json = ''", "never changed"},
+      {"UPDATE config SET content_json = ''", "never changed"},
       {"UPDATE evaluation SET state = 'finished'", "CHECK"},
       {"UPDATE block SET state = 'running' WHERE state = 'pending'", "CHECK"},
       {"UPDATE block SET slot = NULL WHERE state = 'running'", "CHECK"},

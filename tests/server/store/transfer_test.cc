@@ -68,7 +68,7 @@ class TransferTest : public StoreTest {
           writer.journal.Mark(played.submission, "baseline", true, "uid 0", "ours").status());
       status.Update(writer.blocks.RecordAttempt(
           {played.blocks[0], 1, "n1", "7_1", 0, 5, 1.5, std::nullopt, RunEnd::kDone}));
-      status.Update(writer.blocks.DrainNode("n1", "a fan is broken", "uid 0"));
+      status.Update(writer.blocks.SetNode("n1", true, "a fan is broken", "uid 0"));
       return status;
     }).ok());
   }
