@@ -18,6 +18,11 @@ inline std::string TimeText(absl::Time time) {
 // The same of ms since 1970-01-01 UTC.
 inline std::string TimeText(int64_t ms) { return TimeText(absl::FromUnixMillis(ms)); }
 
+// A text that should be JSON; is_discarded() if it is not.
+inline nlohmann::json ParsedText(std::string_view text) {
+  return nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
+}
+
 // null for "".
 inline nlohmann::json TextOrNull(const std::string& text) {
   return text.empty() ? nlohmann::json() : nlohmann::json(text);

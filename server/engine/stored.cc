@@ -5,9 +5,9 @@
 
 #include <absl/strings/str_cat.h>
 
-#include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
 #include "scoring/aggregate_json.h"
+#include "server/base/json_value.h"
 #include "server/grading/results.h"
 #include "server/store/damage.h"
 
@@ -44,13 +44,7 @@ absl::Status CheckEvaluation(const Transaction& reader, int64_t id, StoredConten
     rows = WholeEpisodes(reader, stored.evaluation, *stored.seeds);
   }
   if (!rows.ok()) return rows.status();
-  for (const EpisodeRow& row : *rows) {
-    const absl::Status judged = ReadVerdict(*stored.track->scoring.track, row).status();
-    if (judged.ok()) continue;
-    return ExtractDamage(judged).has_value()
-               ? judged
-               : Unreadable("episode", absl::StrCat(id, "/", row.index), judged);
-  }
+  RETURN_IF_ERROR(JudgedEpisodes(*stored.track->scoring.track, *rows).status());
   RETURN_IF_ERROR(CheckResults(reader, stored.evaluation, *rows, stored.track->config.seed_salt));
   RETURN_IF_ERROR(reader.episodes.Details(id).status());
   RETURN_IF_ERROR(reader.episodes.Repeats(id).status());
@@ -70,6 +64,13 @@ absl::Status CheckTeams(const Transaction& reader) {
 
 }  // namespace
 
+absl::StatusOr<std::vector<uint64_t>> StoredSeeds(const Transaction& reader,
+                                                  const std::string& hash) {
+  ASSIGN_OR_RETURN(const std::string text, reader.content.Text(kSeedLists, hash));
+  auto seeds = ParseSeeds(ParsedText(text), "its content");
+  return seeds.ok() ? std::move(seeds) : Unreadable(kSeedLists, hash, seeds.status());
+}
+
 absl::StatusOr<TrackPtr> StoredContent::Track(const Transaction& reader, const std::string& hash) {
   if (const auto it = tracks_.find(hash); it != tracks_.end()) return it->second;
   ASSIGN_OR_RETURN(TrackPtr track, StoredTrack(reader, hash));
@@ -82,12 +83,8 @@ absl::StatusOr<SeedsPtr> StoredContent::Seeds(const Transaction& reader, const s
   if (seeds_.size() > kSeedListsKept) {
     std::erase_if(seeds_, [](const auto& entry) { return entry.second.expired(); });
   }
-  ASSIGN_OR_RETURN(std::string text, reader.content.Text(kSeedLists, hash));
-  absl::StatusOr<nlohmann::json> json = ParseJson(text, "its content");
-  if (!json.ok()) return Unreadable(kSeedLists, hash, json.status());
-  absl::StatusOr<std::vector<uint64_t>> parsed = ParseSeeds(*json, "its content");
-  if (!parsed.ok()) return Unreadable(kSeedLists, hash, parsed.status());
-  const auto seeds = std::make_shared<const std::vector<uint64_t>>(*std::move(parsed));
+  ASSIGN_OR_RETURN(std::vector<uint64_t> list, StoredSeeds(reader, hash));
+  const auto seeds = std::make_shared<const std::vector<uint64_t>>(std::move(list));
   seeds_[hash] = seeds;
   return seeds;
 }
@@ -251,10 +248,6 @@ std::vector<std::pair<int64_t, int64_t>> SplitIntoBlocks(int64_t count, int64_t 
     blocks.emplace_back(first, std::min(first + per_lease, count) - 1);
   }
   return blocks;
-}
-
-nlohmann::json ParsedText(const std::string& text) {
-  return nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
 }
 
 std::string ArtefactFolder(const std::string& data_dir, const std::string& hash) {

@@ -19,6 +19,10 @@ namespace myograde::server {
 
 using SeedsPtr = std::shared_ptr<const std::vector<uint64_t>>;
 
+// The seeds that the store has under a hash, by index of the episodes.
+absl::StatusOr<std::vector<uint64_t>> StoredSeeds(const Transaction& reader,
+                                                  const std::string& hash);
+
 // Caches configs and seed lists, as thousands of evaluations share a few. Not thread-safe.
 class StoredContent {
  public:
@@ -74,9 +78,6 @@ std::vector<std::pair<int64_t, int64_t>> SplitIntoBlocks(int64_t count, int64_t 
 // Whether every row of the store can be read, by the readers that requests and the engine use, and
 // results are those of their episodes: for rows that come from outside. The first damaged row otherwise (store/damage.h).
 absl::Status CheckReadable(const Transaction& reader);
-
-// A text that should be JSON; is_discarded() if it is not.
-nlohmann::json ParsedText(const std::string& text);
 
 // The folder of an artefact's files. NotFoundError if the files were removed, or the artefact came
 // with an import.

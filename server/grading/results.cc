@@ -58,21 +58,19 @@ absl::StatusOr<scoring::Verdict> ReadVerdict(const scoring::ScoredTrack& track,
                                              const EpisodeRow& row) {
   // Metrics are part of what results are compared by, so they stay as first written; others are
   // always computed from the facts.
-  const Json kept = Json::parse(row.metrics_json, nullptr, /*allow_exceptions=*/false);
-  if (!Optional(kept, kTimeMetric).has_value()) {
+  const Json kept = ParsedText(row.metrics_json);
+  const Json facts = ParsedText(row.facts_json);
+  const Json& number = At(facts, "steps");
+  const int64_t steps = number.is_number_integer() ? number.get<int64_t>() : -1;
+  if (steps < 0 || !Optional(kept, kTimeMetric).has_value()) {
     return DamagedRow({"episode", absl::StrCat(row.evaluation, "/", row.index),
-                       "its \"metrics_json\" has no time"});
-  }
-  const Json facts = Json::parse(row.facts_json, nullptr, /*allow_exceptions=*/false);
-  const std::optional<double> steps = Optional(facts, "steps");
-  if (!steps.has_value()) {
-    return absl::DataLossError(absl::StrCat("the facts of episode ", row.index, " of evaluation ",
-                                            row.evaluation, " can't be read"));
+                       steps < 0 ? "its \"facts_json\" has no steps"
+                                 : "its \"metrics_json\" has no time"});
   }
   scoring::Verdict verdict;
   verdict.outcome = row.outcome;
   verdict.reason = row.reason;
-  verdict.steps = static_cast<int64_t>(*steps);
+  verdict.steps = steps;
   for (const scoring::Metric& metric : track.metrics) {
     verdict.metrics.push_back(
         metric.source == Source::kJudged  ? Optional(kept, metric.name)
@@ -127,7 +125,7 @@ std::string ComputeMerkleRoot(const std::vector<EpisodeRow>& rows, const std::st
 
 nlohmann::json ReceiptEntry(const EpisodeRow& row, const std::string& seed_salt) {
   Json entry = Json::parse(CanonicalResult(row, seed_salt));
-  const Json facts = Json::parse(row.facts_json, nullptr, /*allow_exceptions=*/false);
+  const Json facts = ParsedText(row.facts_json);
   entry["actions_digest"] = At(facts, "actions_digest");
   entry["log"] = At(At(facts, "log"), "sha256");
   return entry;
@@ -140,7 +138,7 @@ void AddStartUp(const std::vector<EpisodeRow>& rows, int64_t first, int64_t last
     if (!left.has_value()) continue;
     for (const EpisodeRow& row : rows) {
       if (row.index < first || row.index > last) continue;
-      const Json facts = Json::parse(row.facts_json, nullptr, /*allow_exceptions=*/false);
+      const Json facts = ParsedText(row.facts_json);
       *left -= Optional(facts, key).value_or(0);
     }
     use[start_up] = std::max(*left, 0.0);

@@ -19,11 +19,11 @@ namespace myograde::server {
 // recorded.
 absl::StatusOr<EpisodeRow> JudgedRow(const Track& track, const EpisodeFacts& facts);
 
-// The verdict that a row was made of.
+// The verdict that a row was made of. A damaged row (store/damage.h) if it can't be read.
 absl::StatusOr<scoring::Verdict> ReadVerdict(const scoring::ScoredTrack& track,
                                              const EpisodeRow& row);
 
-// A damaged row (store/damage.h) if one is unreadable.
+// Those of rows; errors of ReadVerdict.
 absl::StatusOr<std::vector<scoring::JudgedEpisode>> JudgedEpisodes(
     const scoring::ScoredTrack& track, const std::vector<EpisodeRow>& rows);
 absl::StatusOr<scoring::Aggregate> AggregateRows(const scoring::ScoredTrack& track,

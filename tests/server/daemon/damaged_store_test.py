@@ -109,6 +109,21 @@ class DamagedStore(OrganiserCase):
         self.assertEqual([entry["evaluation"] for entry in unreadable], [evaluation])
         self.assertEqual(self.ended(self.submit("ok", team="late"))["state"], "done")
 
+    def test_facts_that_lack_what_every_episode_has_are_a_damaged_row_like_any_other(self):
+        first, second = self.played("ok"), self.played("ok", team="beta")
+        evaluation = self.get(f"/v1/submissions/{first}")["evaluation"]
+        self.damage(f"UPDATE episode SET facts_json = '{{}}' WHERE evaluation = {evaluation} AND idx = 3")
+        self.damage(f"DELETE FROM standing WHERE evaluation = {evaluation}")
+        self.refused("GET", f"/v1/submissions/{first}/result", table="episode")
+        # A start, which makes again what the view lacks.
+        self.assertEqual(self.stop(signal.SIGTERM), 0)
+        self.start()
+        self.assertIn(f"episode {evaluation}/3 of the store can't be read", self.daemon.log())
+        board = self.board()
+        self.assertEqual([row["submission"] for row in board["rows"]], [second])
+        self.assertEqual([row["key"] for row in board["unreadable"]], [f"{evaluation}/3"])
+        self.assertEqual(self.ended(self.submit("ok", team="late"))["state"], "done")
+
     def test_a_digit_of_a_digest_is_neither_shown_nor_signed(self):
         first, second = self.played("ok"), self.played("ok", team="beta")
         evaluation = self.get(f"/v1/submissions/{first}")["evaluation"]

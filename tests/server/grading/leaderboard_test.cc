@@ -1,5 +1,4 @@
 // Boards as a function of aggregates and marks.
-#include "scoring/aggregate_json.h"
 #include "server/grading/leaderboard.h"
 
 #include <algorithm>
@@ -9,6 +8,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+
+#include "scoring/aggregate_json.h"
 
 namespace myograde::server {
 namespace {

@@ -1,6 +1,5 @@
 // From facts to rows and from rows to numbers: nothing is lost, and contradictions are not
 // recorded.
-#include "scoring/aggregate_json.h"
 #include "server/grading/results.h"
 
 #include <string>
@@ -10,8 +9,10 @@
 
 #include "protocol/lease/lease.h"
 #include "protocol/lease/seed_commitment.h"
+#include "scoring/aggregate_json.h"
 #include "scoring/locomotion/track.h"
 #include "scoring/manipulation/track.h"
+#include "server/store/damage.h"
 
 namespace myograde::server {
 namespace {
@@ -116,14 +117,16 @@ TEST(ReadVerdict, TellsARowThatCanNotBeRead) {
        {"", "{", "[]", "null", "{}", R"({"time_s": "1"})", R"({"time_s": null})"}) {
     EpisodeRow row;
     row.metrics_json = text;
-    EXPECT_TRUE(absl::IsDataLoss(ReadVerdict(*track->scoring.track, row).status())) << text;
-    EXPECT_TRUE(absl::IsDataLoss(AggregateRows(*track->scoring.track, {row}).status())) << text;
+    row.facts_json = R"({"steps": 1})";
+    EXPECT_TRUE(ExtractDamage(ReadVerdict(*track->scoring.track, row).status())) << text;
+    EXPECT_TRUE(ExtractDamage(AggregateRows(*track->scoring.track, {row}).status())) << text;
   }
-  for (const char* text : {"", "{", "[]", "{}", R"({"steps": "1"})"}) {
+  for (const char* text : {"", "{", "[]", "{}", R"({"steps": "1"})", R"({"steps": -1})",
+                           R"({"steps": 1e300})", R"({"steps": 18446744073709551615})"}) {
     EpisodeRow row;
     row.metrics_json = R"({"time_s": 1})";
     row.facts_json = text;
-    EXPECT_TRUE(absl::IsDataLoss(ReadVerdict(*track->scoring.track, row).status())) << text;
+    EXPECT_TRUE(ExtractDamage(ReadVerdict(*track->scoring.track, row).status())) << text;
   }
 }
 
