@@ -161,8 +161,10 @@ absl::Status AddConfigs(const Request& request, const Transaction& reader, const
 // Completes a row, which has what the view says. What the view lacks, or has of other numbers than
 // today's, is made of the episode rows on the spot.
 absl::Status FillRow(const Transaction& reader, const Track& track, StandingRow& row) {
-  ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(row.submission));
-  row.artefact_name = submission.artefact_name;
+  if (row.artefact_name.empty()) {
+    ASSIGN_OR_RETURN(const SubmissionRow submission, reader.submissions.Find(row.submission));
+    row.artefact_name = submission.artefact_name;
+  }
   if (HasRankedNumbers(*track.scoring.track, row.aggregate)) return absl::OkStatus();
   ASSIGN_OR_RETURN(row.aggregate, ReadStanding(reader, row.evaluation));
   return absl::OkStatus();
@@ -186,12 +188,7 @@ absl::StatusOr<BoardQuery> ParseBoardQuery(const Request& request, const Transac
   if (asked.track == nullptr) asked.track = live;
   AddFreeze(reader, context, now, asked);
   RETURN_IF_ERROR(AddConfigs(request, reader, live, asked));
-  const auto rules = asked.track->scoring.boards.find(asked.board);
-  if (rules == asked.track->scoring.boards.end()) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("track \"", asked.track->config.id, "\" has no board \"", asked.board, "\""));
-  }
-  asked.rules = &rules->second;
+  ASSIGN_OR_RETURN(asked.rules, FindBoard(*asked.track, asked.board));
   return asked;
 }
 
@@ -227,11 +224,8 @@ absl::StatusOr<BoardSource> SourceOf(const Transaction& reader, const Track& tra
     source.damaged.push_back({"journal", absl::StrCat(act), what});
   }
   std::vector<StandingRow> rows = board.Candidates(config, moment);
-  std::vector<int64_t> evaluations;
-  for (const StandingRow& row : rows) evaluations.push_back(row.evaluation);
-  std::map<int64_t, Json> standings = reader.episodes.Standings(evaluations);
+  reader.episodes.ReadStandings(rows);
   for (StandingRow& row : rows) {
-    row.aggregate = std::move(standings[row.evaluation]);
     if (const absl::Status filled = FillRow(reader, track, row); filled.ok()) {
       source.standings.push_back(std::move(row));
     } else if (const std::optional<Damage> damage = ExtractDamage(filled)) {
@@ -248,15 +242,18 @@ absl::StatusOr<Leaderboard> BoardOf(const BoardSource& source, const Track& trac
   return MakeLeaderboard(source.standings, source.marks, rules, track.scoring);
 }
 
+absl::StatusOr<const scoring::BoardSpec*> FindBoard(const Track& track, const std::string& board) {
+  const auto found = track.scoring.boards.find(board);
+  if (found != track.scoring.boards.end()) return &found->second;
+  return absl::InvalidArgumentError(
+      absl::StrCat("track \"", track.config.id, "\" has no board \"", board, "\""));
+}
+
 absl::StatusOr<Leaderboard> BoardUnder(const Transaction& reader, const Track& track,
                                        const std::string& board, const BoardMoment& moment) {
-  const auto rules = track.scoring.boards.find(board);
-  if (rules == track.scoring.boards.end()) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("track \"", track.config.id, "\" has no board \"", board, "\""));
-  }
+  ASSIGN_OR_RETURN(const scoring::BoardSpec* spec, FindBoard(track, board));
   ASSIGN_OR_RETURN(const BoardSource source, SourceOf(reader, track, moment));
-  return BoardOf(source, track, rules->second.rules);
+  return BoardOf(source, track, spec->rules);
 }
 
 absl::StatusOr<TrackPtr> TrackAt(const Transaction& reader, const TrackPtr& live,

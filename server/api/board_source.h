@@ -72,8 +72,11 @@ absl::StatusOr<BoardSource> SourceOf(const Transaction& reader, const Track& tra
 absl::StatusOr<Leaderboard> BoardOf(const BoardSource& source, const Track& track,
                                     const scoring::BoardRules& rules);
 
+// The board of a track that is called so. InvalidArgumentError: it has none of this name.
+absl::StatusOr<const scoring::BoardSpec*> FindBoard(const Track& track, const std::string& board);
+
 // The ranked board `board` ("main") under the config of `track`, as of a moment, or with a rejudge
-// taken as applied. What can't be read is in `damaged`. InvalidArgumentError: it has no such board.
+// taken as applied, without what can't be read. Errors of FindBoard.
 //
 //   // The board as it is, and as it would be with rejudge 3:
 //   BoardUnder(reader, *old_track, "main", {});

@@ -10,6 +10,7 @@
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/seed_commitment.h"
 #include "protocol/tracks/registry.h"
+#include "server/base/plain_text.h"
 #include "server/store/connection.h"
 #include "server/store/stored_row.h"
 #include "server/store/transaction.h"
@@ -22,7 +23,7 @@ using Json = nlohmann::json;
 // Facts without the clocks. Text that is not JSON is compared as it is, so that damaged rows differ
 // instead of stopping the daemon.
 Json Parse(const std::string& text) {
-  Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  Json json = ParsedText(text);
   return json.is_discarded() ? Json(text) : json;
 }
 
@@ -180,16 +181,23 @@ absl::Status Episodes::DropStandings() {
 
 int64_t Episodes::TimesDropped() const { return MetaNumber(db_, kTimesDropped); }
 
-std::map<int64_t, Json> Episodes::Standings(const std::vector<int64_t>& evaluations) const {
-  Statement select(db_, R"(SELECT evaluation, aggregate_json
-      FROM standing WHERE evaluation IN (SELECT value FROM json_each(?)))",
-                   absl::StrCat("[", absl::StrJoin(evaluations, ","), "]"));
-  std::map<int64_t, Json> standings;
+void Episodes::ReadStandings(std::vector<StandingRow>& rows) const {
+  std::map<int64_t, StandingRow*> by_evaluation;
+  for (StandingRow& row : rows) by_evaluation[row.evaluation] = &row;
+  const std::string evaluations = absl::StrJoin(
+      rows, ",", [](std::string* out, const StandingRow& row) { absl::StrAppend(out, row.evaluation); });
+  Statement select(db_, R"(SELECT e.id, a.name, v.aggregate_json
+      FROM evaluation AS e JOIN submission AS s ON s.id = e.submission
+      JOIN artefact AS a ON a.hash = s.artefact LEFT JOIN standing AS v ON v.evaluation = e.id
+      WHERE e.id IN (SELECT value FROM json_each(?)))",
+                   absl::StrCat("[", evaluations, "]"));
   while (select.executeStep()) {
-    Json aggregate = Json::parse(select.getColumn(1).getString(), nullptr, false);
-    if (aggregate.is_object()) standings[select.getColumn(0).getInt64()] = std::move(aggregate);
+    StandingRow& row = *by_evaluation.at(select.getColumn(0).getInt64());
+    std::string name = select.getColumn(1);
+    if (IsUtf8(name)) row.artefact_name = std::move(name);
+    Json aggregate = ParsedText(select.getColumn(2).getString());
+    if (aggregate.is_object()) row.aggregate = std::move(aggregate);
   }
-  return standings;
 }
 
 }  // namespace myograde::server

@@ -44,9 +44,9 @@ class Episodes : StorePart {
   // Hashes of the logs of practice episodes, except those that an evaluation which may rank needs
   // too.
   std::set<std::string> PracticeLogs() const;
-  // The aggregates that finished evaluations are ranked by, as far as the view has them and they can
-  // be read.
-  std::map<int64_t, nlohmann::json> Standings(const std::vector<int64_t>& evaluations) const;
+  // Adds to rows of a board the artefact's name and what they are ranked by, as far as the view has it
+  // and they can be read.
+  void ReadStandings(std::vector<StandingRow>& rows) const;
   // The text of the JSON object with an episode's details, by index, of those that have some.
   absl::StatusOr<std::map<int64_t, std::string>> Details(int64_t evaluation) const;
   // Keeps an existing row; if the new one differs, records and returns in what.

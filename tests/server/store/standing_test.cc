@@ -49,10 +49,13 @@ TEST_F(StandingTest, HoldsTheNumbersWithEveryBit) {
   Play(accepted);
   End(accepted);
   Read([&](const Transaction& reader) {
-    const std::map<int64_t, nlohmann::json> standings =
-        reader.episodes.Standings({accepted.evaluation, 99});
-    ASSERT_EQ(standings.size(), 1u);
-    const nlohmann::json& ranked = standings.at(accepted.evaluation);
+    std::vector<StandingRow> rows = {{.evaluation = 99}, {.evaluation = accepted.evaluation}};
+    reader.episodes.ReadStandings(rows);
+    EXPECT_TRUE(rows[0].aggregate.is_null());
+    EXPECT_EQ(rows[0].artefact_name, "");
+    EXPECT_EQ(rows[1].artefact_name,
+              reader.submissions.Find(accepted.submission)->artefact_name);
+    const nlohmann::json& ranked = rows[1].aggregate;
     EXPECT_EQ(ranked.dump(), kAggregate);
     EXPECT_EQ(ranked["successes"], 3);
     EXPECT_EQ(ranked["episodes"], 4);
@@ -73,7 +76,10 @@ TEST_F(StandingTest, NumbersThatAreNoneAreNotThere) {
     SQLite::Database(path_, SQLite::OPEN_READWRITE)
         .exec(absl::StrCat("UPDATE standing SET aggregate_json = '", aggregate, "'"));
     Read([&](const Transaction& reader) {
-      EXPECT_TRUE(reader.episodes.Standings({accepted.evaluation}).empty()) << aggregate;
+      std::vector<StandingRow> rows = {{.evaluation = accepted.evaluation}};
+      reader.episodes.ReadStandings(rows);
+      EXPECT_TRUE(rows[0].aggregate.is_null()) << aggregate;
+      EXPECT_NE(rows[0].artefact_name, "");
     });
   }
 }
