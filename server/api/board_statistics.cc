@@ -95,20 +95,13 @@ absl::StatusOr<TestedRow> ReadRow(const Transaction& reader, const Track& track,
 
 }  // namespace
 
-absl::StatusOr<std::vector<uint64_t>> SeedsOfRejudge(const Transaction& reader,
-                                                     const RejudgeRow& rejudge) {
-  ASSIGN_OR_RETURN(const std::string text, reader.content.Text(kSeedLists, rejudge.seeds));
-  const nlohmann::json json = nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
-  return ParseSeeds(json, absl::StrCat("the seeds of rejudge ", rejudge.id));
-}
-
 absl::StatusOr<FurtherItems> ListFurtherItems(const Transaction& reader,
                                               const std::string& config) {
   FurtherItems all;
   for (const auto& [id, rejudge] : reader.Board().rejudges()) {
     if (rejudge.purpose != RejudgePurpose::kSeeds || rejudge.from_config != config) continue;
     const bool dropped = rejudge.last() == RejudgeEvent::kDropped;
-    ASSIGN_OR_RETURN(const std::vector<uint64_t> seeds, SeedsOfRejudge(reader, rejudge));
+    ASSIGN_OR_RETURN(const std::vector<uint64_t> seeds, StoredSeeds(reader, rejudge.seeds));
     ASSIGN_OR_RETURN(const std::vector<EvaluationRow> items, reader.evaluations.OfRejudge(id));
     std::set<int64_t> to_come = rejudge.submissions;
     for (const EvaluationRow& item : items) {

@@ -42,10 +42,6 @@ using FurtherItems = std::map<int64_t, std::vector<FurtherItem>>;
 // Of the submissions on the board of a config.
 absl::StatusOr<FurtherItems> ListFurtherItems(const Transaction& reader, const std::string& config);
 
-// The seeds that a rejudge plays, by index.
-absl::StatusOr<std::vector<uint64_t>> SeedsOfRejudge(const Transaction& reader,
-                                                     const RejudgeRow& rejudge);
-
 // What is known of one of the first places.
 struct TestedPlace {
   size_t row = 0;       // in Leaderboard::rows

@@ -140,9 +140,8 @@ absl::Status AddSummary(const Track& track, const std::vector<EpisodeRow>& rows,
   std::map<int64_t, const EpisodeRow*> by_index;
   for (size_t i = 0; i < rows.size(); ++i) {
     if (judged[i].verdict.reason.name() == scoring::kPhantom) continue;
-    details.emplace_back(Json::parse(rows[i].details_json, nullptr, /*allow_exceptions=*/false),
-                         judged[i].verdict.steps);
-    const Json facts = Json::parse(rows[i].facts_json, nullptr, /*allow_exceptions=*/false);
+    details.emplace_back(ParsedText(rows[i].details_json), judged[i].verdict.steps);
+    const Json facts = ParsedText(rows[i].facts_json);
     if (!facts.is_object() || !facts.value("log", Json()).is_object()) continue;
     logged.push_back(judged[i]);
     by_index[rows[i].index] = &rows[i];

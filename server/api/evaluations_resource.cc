@@ -11,6 +11,7 @@
 
 #include "server/api/episode_rows.h"
 #include "server/api/redaction.h"
+#include "server/base/json_value.h"
 #include "server/engine/stored.h"
 #include "server/grading/results.h"
 #include "server/proof/grader_build.h"
@@ -36,7 +37,7 @@ void AddOutcomes(const std::vector<EpisodeRow>& rows, Json& json) {
 Json OutputToJson(const std::vector<BlockRow>& blocks, const std::vector<EpisodeRow>& rows) {
   Json list = Json::array();
   for (const BlockRow& block : blocks) {
-    Json output = Json::parse(block.output_json, nullptr, false);
+    Json output = ParsedText(block.output_json);
     if (!output.is_object()) continue;
     output["block"] = block.id;
     output["first"] = block.first;
@@ -121,7 +122,7 @@ absl::StatusOr<Json> EvaluationToJson(const Transaction& reader, const ApiContex
                     {"seeds", evaluation.seeds},
                     {"results", ResultsHash(rows, config.seed_salt)}};
   json["merkle_root"] = rows.empty() ? Json() : Json(ComputeMerkleRoot(rows, config.seed_salt));
-  json["grader"] = Json::parse(evaluation.grader_json, nullptr, false);
+  json["grader"] = ParsedText(evaluation.grader_json);
   json["limits"] = config.effective.value("budgets", Json());
   json["output"] = OutputToJson(blocks, rows);
   json["not_repeatable"] = Json::array();

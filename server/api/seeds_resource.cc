@@ -36,7 +36,7 @@ absl::StatusOr<std::vector<uint64_t>> PlayedFurtherSeeds(const Transaction& read
   size_t own = 0;
   for (const auto& [id, rejudge] : reader.Board().rejudges()) {
     if (rejudge.purpose != RejudgePurpose::kSeeds || rejudge.board.phase != phase) continue;
-    ASSIGN_OR_RETURN(const std::vector<uint64_t> seeds, SeedsOfRejudge(reader, rejudge));
+    ASSIGN_OR_RETURN(const std::vector<uint64_t> seeds, StoredSeeds(reader, rejudge.seeds));
     ASSIGN_OR_RETURN(const TrackPtr from, StoredTrack(reader, rejudge.from_config));
     own = from->config.seeds.size();
     played.insert(seeds.begin(), seeds.end());

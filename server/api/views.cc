@@ -13,7 +13,7 @@ namespace myograde::server {
 namespace {
 
 Json Parse(const std::string& text) {
-  Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  Json json = ParsedText(text);
   return json.is_discarded() ? Json() : json;
 }
 

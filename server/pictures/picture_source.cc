@@ -23,6 +23,7 @@
 #include "protocol/lease/sim_channel.h"
 #include "scoring/episode_order.h"
 #include "server/base/child_process.h"
+#include "server/base/json_value.h"
 #include "server/base/paths.h"
 #include "server/grading/results.h"
 #include "server/grading/tracks.h"
@@ -149,7 +150,7 @@ absl::StatusOr<std::string> MakeModel(const std::string& track, const MakerOptio
 
 // Of the log of an episode; "" if it has none, or can't be read.
 std::string LogSha256(const EpisodeRow& row) {
-  const nlohmann::json facts = nlohmann::json::parse(row.facts_json, nullptr, false);
+  const nlohmann::json facts = ParsedText(row.facts_json);
   if (!facts.is_object() || !facts.contains("log") || !facts["log"].is_object()) return "";
   return facts["log"].value("sha256", "");
 }

@@ -71,7 +71,7 @@ absl::StatusOr<RecordHead> ParseHead(std::string_view text) {
 }
 
 bool IsHeadSigned(std::string_view text, const PublicKey& key) {
-  return key.IsSigned("head", Json::parse(text, nullptr, /*allow_exceptions=*/false));
+  return key.IsSigned("head", ParsedText(text));
 }
 
 absl::StatusOr<Json> SignWithheld(const WithheldReceipt& withheld, const SigningKey& key) {

@@ -150,8 +150,7 @@ void Evaluations::AppendGraded(int64_t evaluation, const std::string& who) {
   const bool failed = state == EnumName(EvaluationState::kFailed);
   const bool result = failed || state == EnumName(EvaluationState::kDone);
   // The hash of the build as a receipt shows it.
-  const std::string grader =
-      Sha256Hex(CanonicalJson(nlohmann::json::parse(build, nullptr, /*allow_exceptions=*/false)));
+  const std::string grader = Sha256Hex(CanonicalJson(ParsedText(build)));
   Append({.kind = kGradedAct,
           .who = who,
           .content = {{"evaluation", evaluation},

@@ -29,10 +29,10 @@ Act ActOf(SQLite::Statement& row) {
   act.at = row.getColumn(1).getInt64();
   act.kind = row.getColumn(2).getString();
   act.who = row.getColumn(3).getString();
-  act.content = Json::parse(row.getColumn(4).getString(), nullptr, /*allow_exceptions=*/false);
+  act.content = ParsedText(row.getColumn(4).getString());
   if (row.isColumnNull(5)) return act;
   act.entry = row.getColumn(5).getInt64();
-  const Json entry = Json::parse(row.getColumn(6).getString(), nullptr, /*allow_exceptions=*/false);
+  const Json entry = ParsedText(row.getColumn(6).getString());
   if (act.content.is_object() && entry.is_object()) act.content.update(entry);
   return act;
 }

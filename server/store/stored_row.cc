@@ -6,6 +6,7 @@
 #include <absl/strings/match.h>
 #include <nlohmann/json.hpp>
 
+#include "server/base/json_value.h"
 #include "server/base/plain_text.h"
 
 namespace myograde::server {
@@ -54,15 +55,14 @@ std::string StoredColumn::Text() const {
 
 StoredColumn::operator std::string() const {
   std::string text = Text();
-  if (absl::EndsWith(value_.getName(), "_json") &&
-      !Json::parse(text, nullptr, /*allow_exceptions=*/false).is_object()) {
+  if (absl::EndsWith(value_.getName(), "_json") && !ParsedText(text).is_object()) {
     Fail("a JSON object belongs there");
   }
   return text;
 }
 
 StoredColumn::operator std::vector<std::string>() const {
-  const Json json = Json::parse(Text(), nullptr, /*allow_exceptions=*/false);
+  const Json json = ParsedText(Text());
   if (!json.is_array() || !std::ranges::all_of(json, &Json::is_string)) {
     Fail("a JSON array of strings belongs there");
   }
@@ -70,8 +70,8 @@ StoredColumn::operator std::vector<std::string>() const {
 }
 
 StoredColumn::operator PolicyManifest() const {
-  absl::StatusOr<PolicyManifest> manifest = ManifestFromJson(
-      Json::parse(Text(), nullptr, false), absl::StrCat("its \"", value_.getName(), "\""));
+  absl::StatusOr<PolicyManifest> manifest =
+      ManifestFromJson(ParsedText(Text()), absl::StrCat("its \"", value_.getName(), "\""));
   if (!manifest.ok()) throw BadColumn{std::string(manifest.status().message())};
   return *std::move(manifest);
 }

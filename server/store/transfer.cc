@@ -13,6 +13,7 @@
 #include "protocol/base/file.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/status_macros.h"
+#include "server/base/json_value.h"
 #include "server/store/connection.h"
 #include "server/store/store.h"
 
@@ -191,7 +192,7 @@ absl::Status CheckReferences(SQLite::Database& db) {
 
 // The row in a line of an export.
 absl::StatusOr<Json> ParseRow(const std::string& path, std::string_view text, int64_t number) {
-  Json row = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  Json row = ParsedText(text);
   if (!row.is_object()) return Broken(path, number, "is not a JSON object");
   for (const Json& value : row) {
     const bool bytes = value.is_object() && value.size() == 1 && value.contains(kBytes) &&

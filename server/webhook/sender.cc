@@ -35,7 +35,7 @@ double Random() {
 }
 
 std::string IdOf(const DeliveryRow& delivery) {
-  const Json body = Json::parse(delivery.body_json, nullptr, /*allow_exceptions=*/false);
+  const Json body = ParsedText(delivery.body_json);
   return body.is_object() && body.contains("id") && body["id"].is_string()
              ? body["id"].get<std::string>()
              : absl::StrCat("delivery-", delivery.id);

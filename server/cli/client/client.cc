@@ -22,6 +22,7 @@
 #include "protocol/base/fd.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/http_client.h"
+#include "server/base/json_value.h"
 #include "server/base/secret.h"
 #include "server/cli/terminal/terminal.h"
 
@@ -212,7 +213,7 @@ absl::StatusOr<Json> ParseAnswer(const HttpAnswer& answer, const ServerChoice& c
         " redirects requests, and redirects are not followed, because a token is for one server; "
         "give the daemon's own address"));
   }
-  Json json = Json::parse(answer.text, nullptr, /*allow_exceptions=*/false);
+  Json json = ParsedText(answer.text);
   const bool good = answer.status >= 200 && answer.status < 300;
   if (good && json.is_object()) return json;
   const Json error = json.is_object() ? json.value("error", Json()) : Json();

@@ -19,6 +19,7 @@
 #include "protocol/base/status_macros.h"
 #include "server/base/http_client.h"
 #include "server/base/ip_address.h"
+#include "server/base/json_value.h"
 #include "server/base/paths.h"
 #include "server/cli/base/files.h"
 #include "server/cli/base/verbs.h"
@@ -221,7 +222,7 @@ absl::StatusOr<std::optional<Login>> ReadLogin() {
   const absl::StatusOr<std::string> text = ReadAll(fd.get(), path, kMaxFile);
   if (!text.ok()) return NotUsable(path, "can't be read");
   // An error of the parser could quote the token.
-  const Json json = Json::parse(*text, nullptr, /*allow_exceptions=*/false);
+  const Json json = ParsedText(*text);
   ConfigReader reader(json, path);
   Login login{.server = reader.String("server"), .token = reader.String("token"), .ca_file = ""};
   if (reader.Has("ca_file") && !json["ca_file"].is_null()) login.ca_file = reader.String("ca_file");

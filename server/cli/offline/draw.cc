@@ -22,6 +22,7 @@
 #include "protocol/base/spawn.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/child_process.h"
+#include "server/base/json_value.h"
 #include "server/base/paths.h"
 #include "server/cli/base/files.h"
 #include "server/cli/base/verbs.h"
@@ -44,7 +45,7 @@ absl::Status CantDraw(const std::string& why) {
 
 absl::StatusOr<Drawn> ReadAnswer(const ProgramEnd& run) {
   const size_t end = run.output.find('\n');
-  const Json answer = Json::parse(run.output.substr(0, end), nullptr, /*allow_exceptions=*/false);
+  const Json answer = ParsedText(run.output.substr(0, end));
   if (run.exit_status != 0 || end == std::string::npos || !answer.is_object()) {
     const std::string error = run.LastError();
     return CantDraw(absl::StrCat("the drawing program ", run.HowItEnded(),

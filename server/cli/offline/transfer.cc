@@ -12,6 +12,7 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/status_macros.h"
+#include "server/base/json_value.h"
 #include "server/base/peer_key.h"
 #include "server/base/temp_folder.h"
 #include "server/cli/base/files.h"
@@ -88,13 +89,12 @@ absl::Status WarnOfHiddenSeeds(const std::string& path) {
   std::set<std::string> revealed;
   const auto look = [&](const std::string& table, const Json& row) {
     if (table == "journal" && TextAt(row, "kind") == "phase") {
-      const Json act = Json::parse(TextAt(row, "entry_json"), nullptr, /*allow_exceptions=*/false);
+      const Json act = ParsedText(TextAt(row, "entry_json"));
       const bool reveals = act.is_object() && act.value("event", Json()) == "revealed";
       if (reveals) revealed.insert(TextAt(act, "phase"));
     }
     if (table != "config") return absl::OkStatus();
-    const Json config =
-        Json::parse(TextAt(row, "content_json"), nullptr, /*allow_exceptions=*/false);
+    const Json config = ParsedText(TextAt(row, "content_json"));
     const bool hides = config.is_object() && config.contains("seed_salt");
     if (hides && !TextAt(config, "phase").empty()) hidden.insert(TextAt(config, "phase"));
     return absl::OkStatus();
