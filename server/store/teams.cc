@@ -205,8 +205,8 @@ void FillTeamSkeletons(SQLite::Database& db) {
   const std::string version = SkeletonVersion();
   const bool fits = Meta(db, "team_skeletons") == version;
   if (!fits) db.exec("DELETE FROM team_skeleton");
-  Statement select(db, R"(SELECT team_id, name FROM team_name
-      WHERE team_id NOT IN (SELECT team FROM team_skeleton))");
+  Statement select(db, R"(SELECT n.team_id, n.name FROM team_name AS n JOIN team AS t
+      ON t.id = n.team_id WHERE t.id NOT IN (SELECT team FROM team_skeleton))");
   std::vector<std::pair<int64_t, std::string>> teams;
   while (select.executeStep()) {
     teams.emplace_back(select.getColumn(0).getInt64(), select.getColumn(1).getString());
