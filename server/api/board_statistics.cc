@@ -101,17 +101,20 @@ absl::StatusOr<FurtherItems> ListFurtherItems(const Transaction& reader,
   for (const auto& [id, rejudge] : reader.Board().rejudges()) {
     if (rejudge.purpose != RejudgePurpose::kSeeds || rejudge.from_config != config) continue;
     const bool dropped = rejudge.last() == RejudgeEvent::kDropped;
-    ASSIGN_OR_RETURN(const std::vector<uint64_t> seeds, StoredSeeds(reader, rejudge.seeds));
-    ASSIGN_OR_RETURN(const std::vector<EvaluationRow> items, reader.evaluations.OfRejudge(id));
+    const auto seeds = StoredSeeds(reader, rejudge.seeds);
+    const auto items = reader.evaluations.OfRejudge(id);
+    if (IsLeftOut(seeds.status()) || IsLeftOut(items.status())) continue;
+    RETURN_IF_ERROR(seeds.status());
+    RETURN_IF_ERROR(items.status());
     std::set<int64_t> to_come = rejudge.submissions;
-    for (const EvaluationRow& item : items) {
+    for (const EvaluationRow& item : *items) {
       to_come.erase(item.submission);
       const bool has_none =
           item.state == EvaluationState::kCancelled || item.state == EvaluationState::kGraderError;
-      if (!has_none) all[item.submission].push_back({item.id, item.state, seeds, dropped});
+      if (!has_none) all[item.submission].push_back({item.id, item.state, *seeds, dropped});
     }
     for (const int64_t submission : to_come) {
-      if (!dropped) all[submission].push_back({.seeds = seeds});
+      if (!dropped) all[submission].push_back({.seeds = *seeds});
     }
   }
   return all;

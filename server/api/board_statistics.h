@@ -39,7 +39,7 @@ struct FurtherItem {
 // By submission, oldest rejudge first.
 using FurtherItems = std::map<int64_t, std::vector<FurtherItem>>;
 
-// Of the submissions on the board of a config.
+// Of the submissions on the board of a config, without those of rejudges that can't be read.
 absl::StatusOr<FurtherItems> ListFurtherItems(const Transaction& reader, const std::string& config);
 
 // What is known of one of the first places.

@@ -88,9 +88,8 @@ Json PhaseToJson(const Transaction& reader, const ApiContext& context, const Pha
 ApiResult ListChallenges(const ApiContext& context, const Transaction& reader,
                          const Request& request) {
   RETURN_IF_ERROR(CheckParameters(request, {}));
-  ASSIGN_OR_RETURN(std::vector<PhaseUse> listed, reader.phases.InUse());
   std::map<std::string, PhaseUse> uses;
-  for (PhaseUse& use : listed) uses.emplace(use.phase, std::move(use));
+  for (PhaseUse& use : reader.phases.InUse()) uses.emplace(use.phase, std::move(use));
   Json challenges = Json::array();
   for (const ChallengeConfig& challenge : context.phases.challenges()) {
     Json phases = Json::array();

@@ -64,10 +64,7 @@ absl::StatusOr<Json> QueueView(const Transaction& reader, const ApiContext& cont
   for (const int64_t id : queue) {
     if (entries.size() == kShow) break;
     absl::StatusOr<Json> entry = BuildEntry(id, reader, context);
-    if (const auto damage = ExtractDamage(entry.status())) {
-      ReportLeftOut(*damage);
-      continue;
-    }
+    if (IsLeftOut(entry.status())) continue;
     if (!entry.ok()) return entry.status();
     if (entry->is_null()) {
       --total;

@@ -188,9 +188,11 @@ ApiResult ListRejudges(const ApiContext&, const Transaction& reader, const Reque
   const auto& rejudges = reader.Board().rejudges();
   for (auto it = rejudges.rbegin(); it != rejudges.rend(); ++it) {
     if (it->first >= page.before || listed.found() == page.limit) continue;
-    ASSIGN_OR_RETURN(const RejudgeProgress progress, reader.rejudges.CountProgress(it->second));
-    listed.rows.push_back(SummaryOf(it->second, progress));
     listed.last_id = it->first;
+    const absl::StatusOr<RejudgeProgress> progress = reader.rejudges.CountProgress(it->second);
+    if (IsLeftOut(progress.status())) continue;
+    if (!progress.ok()) return progress.status();
+    listed.rows.push_back(SummaryOf(it->second, *progress));
   }
   return PageAnswer(request, page, "rejudges", listed, [](const Json& row) { return row; });
 }

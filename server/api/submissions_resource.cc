@@ -258,13 +258,9 @@ ApiResult ListSubmissions(const ApiContext& context, const Transaction& reader,
   Json list = Json::array();
   for (const SubmissionRow& row : found.rows) {
     absl::StatusOr<Json> json = ListedToJson(reader, context, row);
-    if (json.ok()) {
-      list.push_back(*std::move(json));
-    } else if (const std::optional<Damage> damage = ExtractDamage(json.status())) {
-      ReportLeftOut(*damage);
-    } else {
-      return json.status();
-    }
+    if (IsLeftOut(json.status())) continue;
+    if (!json.ok()) return json.status();
+    list.push_back(*std::move(json));
   }
   ApiAnswer answer{200, {{"submissions", std::move(list)}}};
   AddNextPage(request, found.found() == filter.limit, found.last_id, answer);

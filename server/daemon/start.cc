@@ -148,12 +148,7 @@ absl::Status LogPhases(const Phases& phases, ReaderPool& readers, absl::Time now
     for (const std::string& sentence : contradicted.value_or(std::vector<std::string>())) {
       spdlog::error("{}", sentence);
     }
-    const absl::StatusOr<std::vector<PhaseUse>> uses = reader.phases.InUse();
-    if (!uses.ok()) {
-      spdlog::error("{}", std::string(uses.status().message()));
-      return absl::OkStatus();
-    }
-    for (const PhaseUse& use : *uses) {
+    for (const PhaseUse& use : reader.phases.InUse()) {
       if (phases.ConfigOf(use.phase) != nullptr) continue;
       spdlog::info(
           "phase \"{}\" has {} submissions but no file: it is closed, and its board is shown in "

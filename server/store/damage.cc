@@ -37,13 +37,15 @@ std::optional<Damage> ExtractDamage(const absl::Status& status) {
   return Damage{parts[0], parts[1], parts[2]};
 }
 
-void ReportLeftOut(const Damage& damage) {
+bool IsLeftOut(const absl::Status& status) {
   constexpr size_t kMostKept = 1000;
   static Mutex mutex;
   static std::set<std::string>& said = *new std::set<std::string>;
+  if (!ExtractDamage(status).has_value()) return false;
+  const std::string text(status.message());
   const MutexLock lock(mutex);
-  if (said.size() == kMostKept || !said.insert(DamageText(damage)).second) return;
-  spdlog::error("{}", DamageText(damage));
+  if (said.size() < kMostKept && said.insert(text).second) spdlog::error("{}", text);
+  return true;
 }
 
 bool MayPass(const absl::Status& status) {

@@ -38,8 +38,8 @@ bool IsBrokenStore(const absl::Status& status);
 bool IsCorruptStore(const absl::Status& status);
 absl::Status CorruptStore(const std::string& message);
 
-// Logs a row that a list leaves out: each once.
-void ReportLeftOut(const Damage& damage);
+// Whether it is of a damaged row, which lists leave out; each is logged once.
+bool IsLeftOut(const absl::Status& status);
 
 // A list's rows without those that can't be read, which are logged.
 template <typename Row>

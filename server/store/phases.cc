@@ -187,14 +187,14 @@ absl::Status PhaseActs::CheckSecret(const std::string& phase, const std::string&
   return CheckNeverUsed(db_, history, phase, further);
 }
 
-absl::StatusOr<std::vector<PhaseUse>> PhaseActs::InUse() const {
+std::vector<PhaseUse> PhaseActs::InUse() const {
   constexpr StoredRows<PhaseUse, 5> kUses = {
       .table = "submission",
       .select = R"(SELECT max(s.id), s.phase, s.track, s.profile, count(*),
       sum(e.finished_at IS NULL AND e.id IS NOT NULL) FROM submission AS s
       LEFT JOIN evaluation AS e ON e.submission = s.id AND e.kind = 'original' )",
       .first = 1};
-  return kUses.All(db_, "WHERE s.phase != '' GROUP BY s.phase ORDER BY s.phase");
+  return kUses.List(db_, "WHERE s.phase != '' GROUP BY s.phase ORDER BY s.phase").rows;
 }
 
 }  // namespace myograde::server

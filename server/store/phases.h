@@ -23,7 +23,7 @@ class PhaseActs : StorePart {
   absl::Status CheckSecret(const std::string& phase, const std::string& challenge,
                            bool further = false) const;
   // Phases with submissions, by name.
-  absl::StatusOr<std::vector<PhaseUse>> InUse() const;
+  std::vector<PhaseUse> InUse() const;
   // Adds an act on a phase, or on all submissions (`phase` ""); true if that changed anything: what
   // is paused is not paused again for the same reason, nor published or revealed twice.
   absl::StatusOr<bool> AddEvent(const std::string& phase, const std::string& event,

@@ -183,11 +183,10 @@ struct StoredRows {
     while (query.executeStep()) {
       listed.last_id = query.getColumn(0).getInt64();
       absl::StatusOr<Row> row = Read(query);
-      if (row.ok()) {
-        listed.rows.push_back(*std::move(row));
-      } else {
+      if (IsLeftOut(row.status())) {
         listed.damaged.push_back(*ExtractDamage(row.status()));
-        ReportLeftOut(listed.damaged.back());
+      } else {
+        listed.rows.push_back(*std::move(row));
       }
     }
     return listed;

@@ -258,6 +258,23 @@ class Further(CloseCase):
         self.start()
         self.assertEqual({row["further_episodes"] for row in self.rows().values()}, {12})
 
+    def test_those_that_cant_be_read_are_left_out_and_stop_nothing(self):
+        answer = self.evaluate(10)
+        self.all_ended(answer)
+        number = answer["rejudges"][0]["rejudge"]
+        evaluation = self.evaluations_of(number)[0]
+        with sqlite3.connect(self.data / "store.db", timeout=20) as store:
+            triggers = store.execute("SELECT name FROM sqlite_schema WHERE type = 'trigger' AND "
+                                     "tbl_name = 'evaluation'").fetchall()
+            for (name,) in triggers:
+                store.execute(f"DROP TRIGGER {name}")
+            store.execute("UPDATE evaluation SET reason = CAST(x'ff' AS TEXT) WHERE id = ?", (evaluation,))
+        store.close()
+        self.assertEqual({row["further_episodes"] for row in self.rows().values()}, {0})
+        self.assertEqual(self.get("/v1/rejudges")["rejudges"], [])
+        self.assertEqual(self.call("GET", f"/v1/rejudges/{number}")[0], 500)
+        self.assertIn(f"evaluation {evaluation} of the store can't be read", self.daemon.log())
+
     def test_a_drop_takes_them_out(self):
         answer = self.evaluate(60)
         self.all_ended(answer)

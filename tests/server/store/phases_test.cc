@@ -335,7 +335,7 @@ TEST_F(PhaseStoreTest, OnlyWhatIsRankedAndDoneIsChosen) {
 TEST_F(PhaseStoreTest, PhasesAreKnownByTheirSubmissions) {
   Read([&](const Transaction& reader) {
     EXPECT_EQ(reader.Board().ConfigOfPhase("final"), "");
-    EXPECT_THAT(*reader.phases.InUse(), IsEmpty());
+    EXPECT_THAT(reader.phases.InUse(), IsEmpty());
   });
   ASSERT_TRUE(SubmitTo("", 'a').ok());
   const auto first = SubmitTo("final", 'a');
@@ -345,12 +345,21 @@ TEST_F(PhaseStoreTest, PhasesAreKnownByTheirSubmissions) {
     EXPECT_EQ(reader.Board().ConfigOfPhase("final"), std::string(64, 'f'));
     EXPECT_EQ(reader.Board().ConfigOfPhase(""), "");
     const auto uses = reader.phases.InUse();
-    ASSERT_EQ(uses->size(), 1u);
-    EXPECT_EQ(uses->front().phase, "final");
-    EXPECT_EQ(uses->front().submissions, 2);
-    EXPECT_EQ(uses->front().waiting, 1);
+    ASSERT_EQ(uses.size(), 1u);
+    EXPECT_EQ(uses.front().phase, "final");
+    EXPECT_EQ(uses.front().submissions, 2);
+    EXPECT_EQ(uses.front().waiting, 1);
     EXPECT_EQ(reader.submissions.List({.phase = "final"}).rows.size(), 2u);
     EXPECT_EQ(reader.submissions.Find(first->submission)->phase, "final");
+  });
+  // One that can't be read takes no other phase with it.
+  ASSERT_TRUE(SubmitTo("warm-up", 'c').ok());
+  SQLite::Database(path_, SQLite::OPEN_READWRITE)
+      .exec("UPDATE submission SET profile = CAST(x'ff' AS TEXT) WHERE phase = 'warm-up'");
+  Read([&](const Transaction& reader) {
+    const auto uses = reader.phases.InUse();
+    ASSERT_EQ(uses.size(), 1u);
+    EXPECT_EQ(uses.front().phase, "final");
   });
 }
 
