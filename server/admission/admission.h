@@ -21,10 +21,10 @@
 #include "protocol/base/mutex.h"
 #include "server/artefact/artefact.h"
 #include "server/artefact/known_archives.h"
+#include "server/challenge/offered_tracks.h"
 #include "server/challenge/phases.h"
 #include "server/config/server_config.h"
 #include "server/engine/engine.h"
-#include "server/challenge/offered_tracks.h"
 #include "server/runtime/runtimes.h"
 #include "server/store/store.h"
 

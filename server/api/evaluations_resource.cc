@@ -1,4 +1,3 @@
-#include "scoring/aggregate_json.h"
 #include "server/api/resources.h"
 
 #include <cstdint>
@@ -9,6 +8,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "scoring/aggregate_json.h"
 #include "server/api/episode_rows.h"
 #include "server/api/redaction.h"
 #include "server/base/json_value.h"

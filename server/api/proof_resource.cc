@@ -1,4 +1,3 @@
-#include "scoring/aggregate_json.h"
 #include "server/api/resources.h"
 
 #include <algorithm>
@@ -14,6 +13,7 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
 #include "protocol/lease/policy_seed.h"
+#include "scoring/aggregate_json.h"
 #include "server/api/record_log.h"
 #include "server/api/redaction.h"
 #include "server/api/requests.h"

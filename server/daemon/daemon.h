@@ -11,12 +11,12 @@
 #include <absl/time/time.h>
 
 #include "server/api/record_log.h"
+#include "server/base/data_folder.h"
+#include "server/challenge/offered_tracks.h"
 #include "server/challenge/phases.h"
 #include "server/config/server_config.h"
 #include "server/executor/executor.h"
-#include "server/challenge/offered_tracks.h"
 #include "server/proof/signing_key.h"
-#include "server/base/data_folder.h"
 #include "server/store/store.h"
 #include "server/webhook/webhook.h"
 

@@ -132,17 +132,16 @@ nlohmann::json ReceiptEntry(const EpisodeRow& row, const std::string& seed_salt)
 }
 
 void AddStartUp(const std::vector<EpisodeRow>& rows, int64_t first, int64_t last, Json& use) {
-  for (const auto& [key, start_up] : {std::pair("policy_cpu_s", "startup_cpu_s"),
-                                      std::pair("wall_s", "startup_wall_s")}) {
-    std::optional<double> left = Optional(use, key);
-    if (!left.has_value()) continue;
-    for (const EpisodeRow& row : rows) {
-      if (row.index < first || row.index > last) continue;
-      const Json facts = ParsedText(row.facts_json);
-      *left -= Optional(facts, key).value_or(0);
-    }
-    use[start_up] = std::max(*left, 0.0);
+  std::optional<double> cpu_s = Optional(use, "policy_cpu_s");
+  std::optional<double> wall_s = Optional(use, "wall_s");
+  for (const EpisodeRow& row : rows) {
+    if (row.index < first || row.index > last) continue;
+    const Json facts = ParsedText(row.facts_json);
+    if (cpu_s) *cpu_s -= Optional(facts, "policy_cpu_s").value_or(0);
+    if (wall_s) *wall_s -= Optional(facts, "wall_s").value_or(0);
   }
+  if (cpu_s) use["startup_cpu_s"] = std::max(*cpu_s, 0.0);
+  if (wall_s) use["startup_wall_s"] = std::max(*wall_s, 0.0);
 }
 
 }  // namespace myograde::server

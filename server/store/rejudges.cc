@@ -138,13 +138,13 @@ std::vector<EvaluationRow> Rejudges::MissingItems(const RejudgeRow& rejudge) con
   while (select.executeStep()) {
     there.emplace(select.getColumn(0).getInt64(), select.getColumn(1).getInt64());
   }
+  const bool all = rejudge.purpose == RejudgePurpose::kRules;
   const auto in_force = Board().InForce(rejudge.from_config, {.ignored_rejudge = rejudge.id});
   std::vector<EvaluationRow> missing;
   for (int64_t repetition = 1; repetition <= rejudge.repeats; ++repetition) {
     for (const auto& [submission, result] : in_force) {
       const AcceptedSubmission& accepted = Board().submissions().at(submission);
       if (accepted.board != rejudge.board || accepted.at > latest) continue;
-      const bool all = rejudge.purpose == RejudgePurpose::kRules;
       if (!all && !rejudge.submissions.contains(submission)) continue;
       if (there.contains({submission, repetition})) continue;
       missing.push_back({.submission = submission,

@@ -9,15 +9,15 @@
 
 #include <absl/status/status.h>
 
+#include "server/base/data_folder.h"
+#include "server/store/blocks.h"
 #include "server/store/callers.h"
 #include "server/store/content.h"
 #include "server/store/context.h"
-#include "server/base/data_folder.h"
 #include "server/store/deliveries.h"
 #include "server/store/episodes.h"
 #include "server/store/evaluations.h"
 #include "server/store/journal.h"
-#include "server/store/blocks.h"
 #include "server/store/phases.h"
 #include "server/store/quota.h"
 #include "server/store/rejudges.h"

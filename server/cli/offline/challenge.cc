@@ -14,11 +14,11 @@
 #include "protocol/base/config_reader.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
+#include "server/challenge/offered_tracks.h"
 #include "server/challenge/phases.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
 #include "server/cli/terminal/terminal.h"
-#include "server/challenge/offered_tracks.h"
 #include "server/proof/reference_check.h"
 
 namespace myograde::server {

@@ -12,12 +12,12 @@
 #include <vector>
 
 #include "server/base/paths.h"
+#include "server/challenge/offered_tracks.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/client/client.h"
 #include "server/cli/offline/cluster_checks.h"
 #include "server/cli/terminal/terminal.h"
 #include "server/config/server_config.h"
-#include "server/challenge/offered_tracks.h"
 #include "server/proof/reference_check.h"
 #include "server/runtime/runtimes.h"
 #include "server/store/journal.h"

@@ -18,6 +18,7 @@
 #include "protocol/base/file.h"
 #include "protocol/base/status_macros.h"
 #include "server/base/counted.h"
+#include "server/base/data_folder.h"
 #include "server/base/http_client.h"
 #include "server/base/secret.h"
 #include "server/cli/base/files.h"
@@ -26,7 +27,6 @@
 #include "server/cli/terminal/terminal.h"
 #include "server/proof/release.h"
 #include "server/proof/seed_list.h"
-#include "server/base/data_folder.h"
 #include "server/store/store.h"
 
 namespace myograde::server {

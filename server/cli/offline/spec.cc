@@ -22,9 +22,9 @@
 #include "protocol/tracks/registry.h"
 #include "server/base/counted.h"
 #include "server/base/paths.h"
+#include "server/challenge/offered_tracks.h"
 #include "server/cli/base/verbs.h"
 #include "server/cli/terminal/terminal.h"
-#include "server/challenge/offered_tracks.h"
 
 namespace myograde::server {
 namespace {

@@ -12,6 +12,7 @@
 
 #include "protocol/base/clock.h"
 #include "protocol/base/status_macros.h"
+#include "server/base/data_folder.h"
 #include "server/base/json_value.h"
 #include "server/base/peer_key.h"
 #include "server/base/temp_folder.h"
@@ -20,7 +21,6 @@
 #include "server/cli/client/client.h"
 #include "server/cli/terminal/terminal.h"
 #include "server/engine/stored.h"
-#include "server/base/data_folder.h"
 #include "server/store/transfer.h"
 
 namespace myograde::server {
